@@ -1,0 +1,9 @@
+"""Integration of a residual F(t, Y, Y') = 0 in time; knows nothing of cables.
+
+Depends on: nothing of ours.
+"""
+
+from cablesim.integrate.protocol import Equations, Integrator, Status
+from cablesim.integrate.ida import IdaIntegrator
+
+__all__ = ["Equations", "IdaIntegrator", "Integrator", "Status"]

@@ -1,0 +1,191 @@
+"""SUNDIALS IDA (variable-order BDF) through scikit-sundae, behind the integrator protocol.
+
+Depends on: integrate.protocol.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg.lapack import dgbtrf, dgbtrs
+from sksundae.ida import IDA, IDAJacTimes, IDAPrecond
+
+from cablesim.integrate.protocol import Array, Counters, Equations, Status
+
+# IDA's return codes -> what they mean to a user
+_STATUS = {
+    -1: Status.STEP_LIMIT,
+    -2: Status.ERROR_TEST_FAILURES,
+    -3: Status.ERROR_TEST_FAILURES,
+    -4: Status.CONVERGENCE_FAILURE,
+}
+
+LARGEST_BAND_SYSTEM = 3000
+"""Unknowns up to which the band solver is used: scikit-sundae hands a band Jacobian a full matrix."""
+
+_CALLS_BETWEEN_CLOCKS = 256
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdaOptions:
+    """What IDA is told; names as in scikit-sundae.
+
+    Attributes
+    ----------
+    rtol : float
+        Relative tolerance.
+    atol : ndarray, shape (size,)
+        Absolute tolerances.
+    max_order : int
+        IDA's own default is 5; ours is 2, because orders 3 to 5 are unstable for the hardly damped
+        waves of a cable.
+    max_step : float or None
+        Longest step [s].
+    max_steps : int
+        Steps in one advance; IDA's own default is 500.
+    linear_solver : str
+        ``auto``, ``band`` or ``krylov``.
+    time_limit : float or None
+        Wall-clock seconds after which the run stops.
+    """
+
+    rtol: float
+    atol: Array
+    max_order: int = 2
+    max_step: float | None = None
+    max_steps: int = 1_000_000
+    linear_solver: str = "auto"
+    time_limit: float | None = None
+
+
+class _TimeLimit(Exception):  # noqa: N818 - it is not an error
+    """The wall clock ran out."""
+
+
+class IdaIntegrator:
+    """IDA on one system of fixed size.
+
+    Parameters
+    ----------
+    equations : Equations
+        Residual and Jacobian.
+    options : IdaOptions
+        Tolerances and limits.
+    """
+
+    def __init__(self, equations: Equations, options: IdaOptions) -> None:
+        self.counters = Counters()
+        self.equations = equations
+        self._options = options
+        self._deadline = time.monotonic() + options.time_limit if options.time_limit else None
+        self._ida = IDA(self._residual, **self._ida_options())
+
+    def start(self, t: float, y: Array, yp: Array) -> None:
+        """Begin at a consistent state (the order falls to 1)."""
+        self.counters.starts += 1
+        self._t, self._y, self._yp = t, y, yp
+        self._ida.init_step(t, y, yp)
+
+    def advance(self, t: float, t_stop: float) -> tuple[Status, float, Array, Array]:
+        """Go to `t`, never evaluating beyond `t_stop`.
+
+        A result that is not finite is never returned: the last good one is, with its status.
+        """
+        self.counters.outputs += 1
+        status = Status.COMPLETED
+        try:
+            result = self._ida.step(t, method="normal", tstop=t_stop)
+        except KeyboardInterrupt:
+            status = Status.INTERRUPTED
+        except _TimeLimit:
+            status = Status.TIME_LIMIT
+        else:
+            if result.status < 0:
+                status = _STATUS.get(result.status, Status.CONVERGENCE_FAILURE)
+            elif not np.isfinite(result.y.sum()):
+                status = Status.NOT_FINITE
+            else:
+                self._t, self._y, self._yp = result.t, result.y, result.yp
+        return status, self._t, self._y, self._yp
+
+    def _residual(self, t: float, y: Array, yp: Array, out: Array) -> None:
+        # A Python function between IDA and the compiled one costs nothing measurable, and it is
+        # where Ctrl-C and the clock are noticed during a long advance.
+        counters = self.counters
+        counters.residual_calls += 1
+        self.equations.residual(t, y, yp, out)
+        if (
+            self._deadline is not None
+            and counters.residual_calls % _CALLS_BETWEEN_CLOCKS == 0
+            and time.monotonic() > self._deadline
+        ):
+            raise _TimeLimit
+
+    def _jacobian(self, t: float, y: Array, yp: Array, _res: Array, c_j: float, out: Array) -> None:
+        self.counters.jacobian_calls += 1
+        self.equations.jacobian(t, y, yp, c_j, out)
+
+    def _ida_options(self) -> dict:
+        options = self._options
+        common = {
+            "rtol": options.rtol,
+            "atol": options.atol,
+            "max_order": options.max_order,
+            "max_num_steps": options.max_steps,
+            "max_step": options.max_step or 0.0,
+        }
+        if self._solver() == "band":
+            lower, upper = self.equations.bandwidths
+            return common | {"linsolver": "band", "lband": lower, "uband": upper, "jacfn": self._jacobian}
+        factors = _BandedFactors(self)
+        return common | {
+            "linsolver": "gmres",
+            "precond": IDAPrecond(factors.setup, factors.solve, "left"),
+            "jactimes": IDAJacTimes(None, factors.times),
+        }
+
+    def _solver(self) -> str:
+        chosen = self._options.linear_solver
+        if chosen != "auto":
+            return chosen
+        return "band" if np.size(self._options.atol) <= LARGEST_BAND_SYSTEM else "krylov"
+
+
+class _BandedFactors:
+    """An exact factorisation of the Jacobian as preconditioner: GMRES then ends after one iteration.
+
+    This is how long cables keep linear time and memory, see `LARGEST_BAND_SYSTEM`.  Between two
+    factorisations the Jacobian stands for itself at another c_j by the factor with which IDA scales
+    the corrections of its direct solvers, 2/(1 + c_j/c_j').
+    """
+
+    def __init__(self, integrator: IdaIntegrator) -> None:
+        self._integrator = integrator
+
+    def setup(self, t: float, y: Array, yp: Array, _res: Array, c_j: float) -> None:
+        """Factor the Jacobian anew."""
+        self._integrator.counters.jacobian_calls += 1
+        equations = self._integrator.equations
+        self._lower, self._upper = equations.bandwidths
+        self._band = equations.band_jacobian(t, y, yp, c_j, rows_above=self._lower)
+        self._factored_c_j = c_j
+        self._lu, self._pivots, _ = dgbtrf(self._band, self._lower, self._upper)
+
+    def solve(self, _t, _y, _yp, _res, right, out, c_j, _delta) -> None:  # noqa: ANN001
+        """Solve with the factors."""
+        out[:] = dgbtrs(self._lu, self._lower, self._upper, right, self._pivots)[0]
+        out *= 2.0 / (1.0 + c_j / self._factored_c_j)
+
+    def times(self, _t, _y, _yp, _res, vector, out, c_j) -> None:  # noqa: ANN001
+        """Jacobian times a vector, by diagonals."""
+        out[:] = 0.0
+        size = vector.size
+        for offset in range(-self._lower, self._upper + 1):
+            diagonal = self._band[self._lower + self._upper - offset]
+            if offset >= 0:
+                out[: size - offset] += diagonal[offset:] * vector[offset:]
+            else:
+                out[-offset:] += diagonal[:offset] * vector[:offset]
+        out *= 0.5 * (1.0 + c_j / self._factored_c_j)

@@ -1,0 +1,97 @@
+"""What the simulation asks of an integrator, and what an integrator asks of the equations.
+
+Depends on: nothing of ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Status(StrEnum):
+    """How an advance, or a whole run, ended."""
+
+    COMPLETED = "completed"
+    INTERRUPTED = "interrupted"
+    STEP_LIMIT = "step limit"
+    ERROR_TEST_FAILURES = "error test failures"
+    CONVERGENCE_FAILURE = "convergence failure"
+    NOT_FINITE = "not finite"
+    TIME_LIMIT = "time limit"
+
+    @property
+    def sentence(self) -> str:
+        """What happened and what to try."""
+        return _SENTENCES[self]
+
+
+_SENTENCES = {
+    Status.COMPLETED: "The run reached its end.",
+    Status.INTERRUPTED: "The run was interrupted; what was computed is kept.",
+    Status.STEP_LIMIT: (
+        "The number of steps reached simulation.max_steps: the tolerance may be too tight for the noise in a "
+        "recorded motion (raise its 'noise'), or structural_damping too small."
+    ),
+    Status.ERROR_TEST_FAILURES: (
+        "The error test failed at the smallest step: an input jumps where it was declared smooth, or the "
+        "tolerance is below what rounding allows; try a larger relative_tolerance."
+    ),
+    Status.CONVERGENCE_FAILURE: (
+        "Newton's iteration did not converge at the smallest step: look at the shape near the node named; a finer "
+        "mesh there, more structural_damping or a little bending_stiffness usually helps."
+    ),
+    Status.NOT_FINITE: "A number that is not finite appeared; the last good state is kept.",
+    Status.TIME_LIMIT: "The wall-clock limit simulation.time_limit was reached; what was computed is kept.",
+}
+
+
+class Equations(Protocol):
+    """A system F(t, Y, Y') = 0 with a banded Jacobian."""
+
+    @property
+    def bandwidths(self) -> tuple[int, int]:
+        """Lower and upper half-bandwidth."""
+        ...
+
+    def residual(self, t: float, y: Array, yp: Array, out: Array) -> None:
+        """Write F to `out`."""
+        ...
+
+    def jacobian(self, t: float, y: Array, yp: Array, c_j: float, out: Array) -> None:
+        """Write the band of dF/dY + c_j dF/dY' to the full matrix `out`."""
+        ...
+
+    def band_jacobian(self, t: float, y: Array, yp: Array, c_j: float, rows_above: int = 0) -> Array:
+        """Return it in LAPACK band storage."""
+        ...
+
+
+@dataclass
+class Counters:
+    """Work done since the integrator was made."""
+
+    residual_calls: int = 0
+    jacobian_calls: int = 0
+    starts: int = 0
+    outputs: int = 0
+
+
+class Integrator(Protocol):
+    """Advances a state; the caller decides when, and restarts it where the state jumps."""
+
+    counters: Counters
+
+    def start(self, t: float, y: Array, yp: Array) -> None:
+        """Begin at a consistent state (the order falls to 1)."""
+        ...
+
+    def advance(self, t: float, t_stop: float) -> tuple[Status, float, Array, Array]:
+        """Go to `t`, never evaluating beyond `t_stop`; returns status, time reached, Y and Y'."""
+        ...

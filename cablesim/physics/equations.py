@@ -1,0 +1,506 @@
+"""Residual F(t, Y, Y') of the discrete cable and its analytic Jacobian, compiled by need.
+
+Depends on: physics.parameters (names of columns).
+
+Each equation is written once: first its residual row, then, in the branch that only the Jacobian
+build keeps, the derivatives of that very row.  The branches on features are decided when the
+functions are compiled, so a scene pays for nothing that it does not have.
+
+==========  ===========================================================================
+symbol      meaning (paper, Section III; the state is laid out in `physics.layout`)
+==========  ===========================================================================
+V, T, q     node velocity, segment tension, segment chord over its reference length
+t           unit tangent q/|q|, from A to B; `m` mean tangent at a node
+l, l_ref    unstretched and reference length of a segment;  eps = T/EA
+Q           shear force (T_n, T_b of the paper) as a vector, eliminated
+tau         Kelvin-Voigt time;  beta, kappa feedback of strain and closure
+U, A        velocity and acceleration of the water at a node
+w           integrated place of end B
+==========  ===========================================================================
+
+The Jacobian leaves out one thing: how the current changes when a node moves (profile and gridded
+currents).  It would couple each node to all segments before it, and Newton does without: with
+positions as extra unknowns the same runs took longer (README, design notes).
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from cablesim.physics.layout import StateLayout
+from cablesim.physics.parameters import (
+    ADDED_NORMAL,
+    ADDED_TANGENTIAL,
+    BETA_,
+    DRAG_NORMAL,
+    DRAG_POINT,
+    DRAG_TANGENTIAL,
+    EA_,
+    EI_,
+    FLUID_MASS,
+    GRIDDED,
+    KAPPA_,
+    LENGTH,
+    MASS,
+    PROFILE,
+    REFERENCE_LENGTH,
+    STILL,
+    TAU_,
+    UNIFORM,
+    WET_WEIGHT,
+    Features,
+    Parameters,
+)
+
+TINY = 1e-30  # keeps 0/0 out of directions; far below any square that matters
+FOLDED = 1e-9  # 1 + cos of a joint folded back on itself, where the moment would be infinite
+
+_f8, _i8 = numba.float64, numba.int64
+_READ_ONLY = numba.types.Array(_f8, 1, "C", readonly=True)
+SIGNATURE = numba.void(_f8, _READ_ONLY, _READ_ONLY, _f8, _f8[::1], _i8, _i8, _i8, _f8[::1])
+
+
+class Equations(NamedTuple):
+    """Compiled functions of one set of features, both called as
+    ``function(t, y, yp, c_j, out, base, row_stride, column_stride, buffer)``, the buffer being made by
+    `physics.parameters.pack`.
+
+    ``residual`` fills ``out`` with F and ignores c_j and the strides; ``jacobian`` writes the band of
+    dF/dY + c_j dF/dY' to ``out[base + i row_stride + j column_stride]``, so that a full matrix and
+    band storage are served alike.
+    """
+
+    residual: object
+    jacobian: object
+
+
+@numba.njit(cache=True, error_model="numpy", inline="never")
+def views(buffer):
+    """The arrays inside a buffer made by `physics.parameters.pack`."""
+    h = buffer[:24].astype(np.int64)
+    a = 24
+    b = a + h[0] * h[1]
+    segments = buffer[a:b].reshape((h[0], h[1]))
+    a, b = b, b + h[2] * h[3]
+    nodes = buffer[a:b].reshape((h[2], h[3]))
+    a, b = b, b + h[4]
+    constants = buffer[a:b]
+    a, b = b, b + h[5]
+    breaks_a = buffer[a:b]
+    a, b = b, b + h[6] * h[7] * h[8]
+    coefficients_a = buffer[a:b].reshape((h[6], h[7], h[8]))
+    a, b = b, b + h[9]
+    breaks_b = buffer[a:b]
+    a, b = b, b + h[10] * h[11] * h[12]
+    coefficients_b = buffer[a:b].reshape((h[10], h[11], h[12]))
+    a, b = b, b + h[13] * h[14]
+    clamps = buffer[a:b].reshape((h[13], h[14]))
+    a, b = b, b + h[15]
+    times = buffer[a:b]
+    a, b = b, b + h[16]
+    x = buffer[a:b]
+    a, b = b, b + h[17]
+    y = buffer[a:b]
+    a, b = b, b + h[18]
+    z = buffer[a:b]
+    velocity = buffer[b:].reshape((h[19], h[20], h[21], h[22], h[23]))
+    return Parameters(
+        segments, nodes, constants, breaks_a, coefficients_a, breaks_b, coefficients_b, clamps, times, x, y, z, velocity
+    )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def end_motion(breaks, coefficients, t, place, velocity):
+    """Place and velocity of a prescribed end at time t."""
+    piece = min(max(np.searchsorted(breaks, t, side="right") - 1, 0), breaks.size - 2)
+    dt = t - breaks[piece]
+    for c in range(place.size):
+        r = coefficients[piece, 5, c]
+        v = 0.0
+        for k in range(4, -1, -1):
+            v = v * dt + r
+            r = r * dt + coefficients[piece, k, c]
+        place[c] = r
+        velocity[c] = v
+
+
+@numba.njit(cache=True, error_model="numpy")
+def bracket(axis, x):
+    """Left index and weight of the right neighbour for linear interpolation, ends held."""
+    if axis.size == 1 or x <= axis[0]:
+        return 0, 0.0
+    if x >= axis[-1]:
+        return axis.size - 2, 1.0
+    i = np.searchsorted(axis, x, side="right") - 1
+    return i, (x - axis[i]) / (axis[i + 1] - axis[i])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def water_motion(kind, t, place, times, x, y, z, table, velocity, acceleration):
+    """Velocity and local acceleration of the water at one place."""
+    velocity[:] = 0.0
+    acceleration[:] = 0.0
+    if kind == UNIFORM:
+        velocity[:] = table[0, 0, 0, 0]
+    elif kind == PROFILE:
+        k, wz = bracket(z, place[place.size - 1])
+        velocity[:] = (1.0 - wz) * table[0, 0, 0, k] + wz * table[0, 0, 0, min(k + 1, z.size - 1)]
+    elif kind == GRIDDED:
+        n, wt = bracket(times, t)
+        i, wx = bracket(x, place[0])
+        j, wy = bracket(y, place[1])
+        k, wz = bracket(z, place[2])
+        inside = times.size > 1 and times[0] <= t < times[-1]
+        rate = 1.0 / (times[n + 1] - times[n]) if inside else 0.0
+        for corner in range(16):
+            dn, di, dj, dk = corner & 1, (corner >> 1) & 1, (corner >> 2) & 1, corner >> 3
+            weight = (wx if di else 1.0 - wx) * (wy if dj else 1.0 - wy) * (wz if dk else 1.0 - wz)
+            u = table[
+                min(n + dn, times.size - 1),
+                min(i + di, x.size - 1),
+                min(j + dj, y.size - 1),
+                min(k + dk, z.size - 1),
+            ]
+            velocity += weight * (wt if dn else 1.0 - wt) * u
+            acceleration += weight * (rate if dn else -rate) * u
+
+
+def compiled_before() -> bool:
+    """Whether compiled equations lie in numba's cache, so that no long compilation is to be expected."""
+    return any(assemble_cache_files())
+
+
+def assemble_cache_files() -> list[Path]:
+    """Files of numba's cache that hold compiled equations."""
+    folder = Path(numba.config.CACHE_DIR) if numba.config.CACHE_DIR else Path(__file__).parent / "__pycache__"
+    return list(folder.rglob("equations.compile_equations*.nbc"))
+
+
+@cache
+def compile_equations(features: Features) -> Equations:
+    """Residual and Jacobian for one set of features (compiled at the first call, then cached on disk).
+
+    Parameters
+    ----------
+    features : Features
+        What the scene needs.
+
+    Returns
+    -------
+    Equations
+        The two functions.
+    """
+    D = features.dimension
+    BENDING, DAMPING, POINT_DRAG = features.bending, features.damping, features.point_drag
+    CURRENT, FREE_A, FREE_B = features.current, features.free_a, features.free_b
+    CLAMP_A, CLAMP_B = features.clamp_a, features.clamp_b
+    CELL = 2 * D + 1
+    LOWER, UPPER = StateLayout(D, 1).bandwidths(bending=BENDING)
+    MOVING_WATER = CURRENT != STILL
+    NEEDS_PLACE = CURRENT in (PROFILE, GRIDDED)
+    UNSTEADY = CURRENT == GRIDDED
+
+    def build(JACOBIAN):
+        def assemble(t, y, yp, c_j, out, base, si, sj, buffer):
+            p = views(buffer)
+            n = p.segments.shape[0]
+            EA, EI, tau = p.constants[EA_], p.constants[EI_], p.constants[TAU_]
+            beta, kappa = p.constants[BETA_], p.constants[KAPPA_]
+            end = n * CELL  # first row of the closing cell
+
+            # --- chords and tangents -----------------------------------------------------------
+            tangent = np.empty((n, D))
+            chord = np.empty(n)  # |q|
+            for e in range(n):
+                iq = e * CELL + D + 1
+                square = 0.0
+                for c in range(D):
+                    square += y[iq + c] * y[iq + c]
+                chord[e] = math.sqrt(square) + TINY
+                for c in range(D):
+                    tangent[e, c] = y[iq + c] / chord[e]
+
+            if not JACOBIAN:
+                for i in range(out.size):
+                    out[i] = 0.0
+            else:
+                for i in range(y.size):
+                    for k in range(max(i - LOWER, 0), min(i + UPPER + 1, y.size)):
+                        out[base + i * si + k * sj] = 0.0
+
+            # --- ends: prescribed places and velocities ------------------------------------------
+            r_a, v_a, r_b, v_b = np.zeros(D), np.zeros(D), np.zeros(D), np.zeros(D)
+            if not FREE_A:
+                end_motion(p.breaks_a, p.coefficients_a, t, r_a, v_a)
+            if not FREE_B:
+                end_motion(p.breaks_b, p.coefficients_b, t, r_b, v_b)
+
+            # --- segments: tension in (2), compatibility (3), tension row -----------------------
+            for e in range(n):
+                l, l_ref = p.segments[e, LENGTH], p.segments[e, REFERENCE_LENGTH]
+                iv = e * CELL
+                iT, iq, iv1 = iv + D, iv + D + 1, iv + CELL
+                T = y[iT]
+                force = T
+                if DAMPING:
+                    force += tau * yp[iT]
+                above = e > 0 or FREE_A  # rows of node e hold its balance of forces
+                below = e < n - 1 or FREE_B
+                stretching = 0.0
+                for c in range(D):
+                    stretching += (y[iv1 + c] - y[iv + c]) * tangent[e, c]
+
+                if not JACOBIAN:
+                    for c in range(D):
+                        # balance of forces (2): the segment pulls both its nodes
+                        out[iv + c] -= force * tangent[e, c]
+                        out[iv1 + c] += force * tangent[e, c]
+                        # compatibility (3), integrated over the segment: linear
+                        out[iq + c] = yp[iq + c] - (y[iv1 + c] - y[iv + c]) / l_ref
+                    # rate of tension: (3) along t, tied slowly to the chord's length
+                    out[iT] = yp[iT] / EA - stretching / l - beta * (chord[e] * l_ref / l - 1.0 - T / EA)
+                else:
+                    dforce = 1.0
+                    if DAMPING:
+                        dforce += c_j * tau
+                    for c in range(D):
+                        if above:
+                            out[base + (iv + c) * si + iT * sj] -= dforce * tangent[e, c]
+                        if below:
+                            out[base + (iv1 + c) * si + iT * sj] += dforce * tangent[e, c]
+                        for d in range(D):
+                            g = -tangent[e, c] * tangent[e, d]
+                            if c == d:
+                                g += 1.0
+                            g *= force / chord[e]
+                            if above:
+                                out[base + (iv + c) * si + (iq + d) * sj] -= g
+                            if below:
+                                out[base + (iv1 + c) * si + (iq + d) * sj] += g
+                        out[base + (iq + c) * si + (iq + c) * sj] = c_j
+                        out[base + (iq + c) * si + (iv1 + c) * sj] = -1.0 / l_ref
+                        out[base + (iq + c) * si + (iv + c) * sj] = 1.0 / l_ref
+                        out[base + iT * si + (iv1 + c) * sj] = -tangent[e, c] / l
+                        out[base + iT * si + (iv + c) * sj] = tangent[e, c] / l
+                        turning = (y[iv1 + c] - y[iv + c] - stretching * tangent[e, c]) / (chord[e] * l)
+                        out[base + iT * si + (iq + c) * sj] = -turning - beta * l_ref / l * tangent[e, c]
+                    out[base + iT * si + iT * sj] = (c_j + beta) / EA
+
+            # --- joints: shear from the angular momentum theorem (4), (5) ---------------------------
+            # Q_e = t_e x (M_(e+1) - M_e)/|chord|, with M_j = k t_(j-1) x t_j and
+            # k = 2 EI/(lbar (1 + t_(j-1).t_j)), written without cross products:
+            # joint j adds -k (t_(j-1) - c t_j)/|chord_j| to Q_j, and -k (t_j - c t_(j-1))/|chord_(j-1)| to Q_(j-1)
+            if BENDING:
+                first = 0 if CLAMP_A else 1
+                last = n if CLAMP_B else n - 1
+                before, after = np.empty(D), np.empty(D)
+                u, w = np.empty(D), np.empty(D)
+                for j in range(first, last + 1):
+                    lbar = 0.0
+                    if j > 0:
+                        lbar += 0.5 * p.segments[j - 1, LENGTH]
+                    if j < n:
+                        lbar += 0.5 * p.segments[j, LENGTH]
+                    cosine = 0.0
+                    for c in range(D):
+                        before[c] = tangent[j - 1, c] if j > 0 else p.clamps[0, c]
+                        after[c] = tangent[j, c] if j < n else p.clamps[1, c]
+                        cosine += before[c] * after[c]
+                    opening = max(1.0 + cosine, FOLDED)
+                    k = 2.0 * EI / (lbar * opening)
+                    for c in range(D):
+                        u[c] = before[c] - cosine * after[c]  # normal to t_j
+                        w[c] = after[c] - cosine * before[c]  # normal to t_(j-1)
+                    ja, jb = (j - 1) * CELL, j * CELL  # cells of the two segments
+                    top = (j > 1 or FREE_A) and j > 0  # node j-1 keeps its balance of forces
+                    middle = (j > 0 or FREE_A) and (j < n or FREE_B)
+                    bottom = (j < n - 1 or FREE_B) and j < n
+                    if not JACOBIAN:
+                        if j < n:
+                            length = chord[j] * p.segments[j, REFERENCE_LENGTH]
+                            for c in range(D):
+                                Q = -k * u[c] / length
+                                out[jb + c] -= Q
+                                out[jb + CELL + c] += Q
+                        if j > 0:
+                            length = chord[j - 1] * p.segments[j - 1, REFERENCE_LENGTH]
+                            for c in range(D):
+                                Q = -k * w[c] / length
+                                out[ja + c] -= Q
+                                out[ja + CELL + c] += Q
+                    else:
+                        if j < n:  # Q_j
+                            length = chord[j] * p.segments[j, REFERENCE_LENGTH]
+                            for c in range(D):
+                                for d in range(D):
+                                    same = 1.0 if c == d else 0.0
+                                    # d(k u)/dq_j / |q_j|, and the derivative of 1/length
+                                    g = -k / opening * u[c] * u[d]
+                                    g -= k * (after[c] * u[d] + cosine * (same - after[c] * after[d]))
+                                    g -= k * u[c] * after[d]
+                                    g *= -1.0 / (length * chord[j])
+                                    col = jb + D + 1 + d
+                                    if middle:
+                                        out[base + (jb + c) * si + col * sj] -= g
+                                    if bottom:
+                                        out[base + (jb + CELL + c) * si + col * sj] += g
+                                    if j > 0:
+                                        g = -k / opening * u[c] * w[d]
+                                        g += k * (same - before[c] * before[d] - after[c] * w[d])
+                                        g *= -1.0 / (length * chord[j - 1])
+                                        col = ja + D + 1 + d
+                                        if middle:
+                                            out[base + (jb + c) * si + col * sj] -= g
+                                        if bottom:
+                                            out[base + (jb + CELL + c) * si + col * sj] += g
+                        if j > 0:  # Q_(j-1)
+                            length = chord[j - 1] * p.segments[j - 1, REFERENCE_LENGTH]
+                            for c in range(D):
+                                for d in range(D):
+                                    same = 1.0 if c == d else 0.0
+                                    g = -k / opening * w[c] * w[d]
+                                    g -= k * (before[c] * w[d] + cosine * (same - before[c] * before[d]))
+                                    g -= k * w[c] * before[d]
+                                    g *= -1.0 / (length * chord[j - 1])
+                                    col = ja + D + 1 + d
+                                    if top:
+                                        out[base + (ja + c) * si + col * sj] -= g
+                                    if middle:
+                                        out[base + (jb + c) * si + col * sj] += g
+                                    if j < n:
+                                        g = -k / opening * w[c] * u[d]
+                                        g += k * (same - after[c] * after[d] - before[c] * u[d])
+                                        g *= -1.0 / (length * chord[j])
+                                        col = jb + D + 1 + d
+                                        if top:
+                                            out[base + (ja + c) * si + col * sj] -= g
+                                        if middle:
+                                            out[base + (jb + c) * si + col * sj] += g
+
+            # --- nodes: inertia, weight and drag in the balance of forces (2) -------------------------
+            m, v, a, v_n = np.empty(D), np.empty(D), np.empty(D), np.empty(D)
+            U, A, place = np.zeros(D), np.zeros(D), np.empty(D)
+            slope = np.empty((D, D))
+            if NEEDS_PLACE:
+                for c in range(D):
+                    place[c] = r_a[c]
+                    if FREE_A:  # positions count back from end B
+                        place[c] = y[end + D + c]
+                        for e in range(n):
+                            place[c] -= y[e * CELL + D + 1 + c] * p.segments[e, REFERENCE_LENGTH]
+            elif MOVING_WATER:
+                water_motion(
+                    CURRENT, t, place, p.current_times, p.current_x, p.current_y, p.current_z, p.current_velocity, U, A
+                )
+            for j in range(n + 1):
+                iv = j * CELL
+                if NEEDS_PLACE and j > 0:
+                    for c in range(D):
+                        place[c] += y[iv - D + c] * p.segments[j - 1, REFERENCE_LENGTH]
+                if (j == 0 and not FREE_A) or (j == n and not FREE_B):
+                    continue
+                if NEEDS_PLACE:
+                    water_motion(
+                        CURRENT, t, place, p.current_times, p.current_x, p.current_y, p.current_z, p.current_velocity, U, A
+                    )
+                mass, weight = p.nodes[j, MASS], p.nodes[j, WET_WEIGHT]
+                m_n, m_t = p.nodes[j, ADDED_NORMAL], p.nodes[j, ADDED_TANGENTIAL]
+                k_n, k_t, k_p = p.nodes[j, DRAG_NORMAL], p.nodes[j, DRAG_TANGENTIAL], p.nodes[j, DRAG_POINT]
+                # mean tangent of the neighbouring segments
+                square = 0.0
+                for c in range(D):
+                    m[c] = 0.0
+                    if j > 0:
+                        m[c] += tangent[j - 1, c]
+                    if j < n:
+                        m[c] += tangent[j, c]
+                    square += m[c] * m[c]
+                mean = math.sqrt(square) + TINY
+                v_t, a_t, v_square = 0.0, 0.0, 0.0
+                for c in range(D):
+                    m[c] /= mean
+                    v[c] = y[iv + c] - U[c]
+                    a[c] = yp[iv + c] - A[c]
+                    v_t += v[c] * m[c]
+                    a_t += a[c] * m[c]
+                    v_square += v[c] * v[c]
+                speed_n = 0.0
+                for c in range(D):
+                    v_n[c] = v[c] - v_t * m[c]
+                    speed_n += v_n[c] * v_n[c]
+                speed_n = math.sqrt(speed_n)
+                speed_t = abs(v_t)
+                speed = 0.0
+                if POINT_DRAG:
+                    speed = math.sqrt(v_square)
+
+                if not JACOBIAN:
+                    for c in range(D):
+                        row = mass * yp[iv + c] + m_n * a[c] - (m_n - m_t) * a_t * m[c]
+                        row += k_n * speed_n * v_n[c] + k_t * speed_t * v_t * m[c]
+                        if POINT_DRAG:
+                            row += k_p * speed * v[c]
+                        if UNSTEADY:
+                            row -= p.nodes[j, FLUID_MASS] * A[c]
+                        out[iv + c] += row
+                    out[iv + D - 1] += weight
+                else:
+                    for c in range(D):
+                        for d in range(D):
+                            same = 1.0 if c == d else 0.0
+                            mm = m[c] * m[d]
+                            g = c_j * ((mass + m_n) * same - (m_n - m_t) * mm)
+                            g += k_n * (speed_n * (same - mm) + v_n[c] * v_n[d] / (speed_n + TINY))
+                            g += 2.0 * k_t * speed_t * mm
+                            if POINT_DRAG:
+                                g += k_p * (speed * same + v[c] * v[d] / (speed + TINY))
+                            out[base + (iv + c) * si + (iv + d) * sj] += g
+                            # through the mean tangent: d row_c / d m_d
+                            g = -(m_n - m_t) * (m[c] * a[d] + a_t * same)
+                            g -= k_n * v_t * v_n[c] * v_n[d] / (speed_n + TINY)
+                            g -= k_n * speed_n * (v_t * same + m[c] * v[d])
+                            g += k_t * speed_t * (2.0 * m[c] * v[d] + v_t * same)
+                            slope[c, d] = g
+                    for c in range(D):
+                        along = 0.0
+                        for d in range(D):
+                            along += slope[c, d] * m[d]
+                        for d in range(D):
+                            slope[c, d] = (slope[c, d] - along * m[d]) / mean
+                    for e in range(max(j - 1, 0), min(j + 1, n)):
+                        for c in range(D):
+                            along = 0.0
+                            for d in range(D):
+                                along += slope[c, d] * tangent[e, d]
+                            for d in range(D):
+                                g = (slope[c, d] - along * tangent[e, d]) / chord[e]
+                                out[base + (iv + c) * si + (e * CELL + D + 1 + d) * sj] += g
+
+            # --- ends: the rows of prescribed velocity, and the closing of the cable -------------------
+            for c in range(D):
+                iw = end + D + c
+                if not JACOBIAN:
+                    if not FREE_A:
+                        out[c] = y[c] - v_a[c]
+                    if not FREE_B:
+                        out[end + c] = y[end + c] - v_b[c] - kappa * (r_b[c] - r_a[c] - y[iw])
+                    out[iw] = yp[iw] - (y[end + c] - v_a[c])
+                else:
+                    if not FREE_A:
+                        out[base + c * si + c * sj] = 1.0
+                    if not FREE_B:
+                        out[base + (end + c) * si + (end + c) * sj] = 1.0
+                        out[base + (end + c) * si + iw * sj] = kappa
+                    out[base + iw * si + iw * sj] = c_j
+                    out[base + iw * si + (end + c) * sj] = -1.0
+
+        return numba.njit(SIGNATURE, cache=True, error_model="numpy")(assemble)
+
+    assemble_residual, assemble_jacobian = build(False), build(True)
+    return Equations(assemble_residual, assemble_jacobian)

@@ -1,0 +1,271 @@
+"""The compiled equations of one scene on one mesh: `residual` and `jacobian`, and nothing of an integrator.
+
+Depends on: scene, mesh, physics.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_banded
+
+from cablesim.mesh import Mesh
+from cablesim.motion import Motion
+from cablesim.physics.equations import compile_equations, end_motion
+from cablesim.physics.layout import StateLayout
+from cablesim.physics.needs import Frame, scene_features
+from cablesim.physics.parameters import (
+    ADDED_NORMAL,
+    ADDED_TANGENTIAL,
+    DRAG_NORMAL,
+    DRAG_POINT,
+    DRAG_TANGENTIAL,
+    FLUID_MASS,
+    LENGTH,
+    MASS,
+    REFERENCE_LENGTH,
+    WET_WEIGHT,
+    Features,
+    Parameters,
+    pack,
+)
+from cablesim.scene import (
+    End,
+    GriddedCurrent,
+    ProfileCurrent,
+    Scene,
+    UniformCurrent,
+)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class CableModel:
+    """Residual and Jacobian of one scene, in the coordinates of its frame.
+
+    Attributes
+    ----------
+    layout : StateLayout
+        Where the unknowns stand.
+    features : Features
+        What the equations were compiled for.
+    frame : Frame
+        Coordinates of the solution.
+    parameters : Parameters
+        Arrays read by the equations; writing to them changes the equations.
+    """
+
+    layout: StateLayout
+    features: Features
+    frame: Frame
+    parameters: Parameters
+    _buffer: Array
+
+    @property
+    def bandwidths(self) -> tuple[int, int]:
+        """Lower and upper half-bandwidth of the Jacobian."""
+        return self.layout.bandwidths(bending=self.features.bending)
+
+    @property
+    def algebraic_rows(self) -> NDArray[np.int64]:
+        """Rows without any Y': the prescribed velocities of the ends."""
+        d, last = self.layout.dimension, self.layout.segments * self.layout.cell
+        rows = [] if self.features.free_a else [np.arange(d)]
+        rows += [] if self.features.free_b else [np.arange(last, last + d)]
+        return np.concatenate([np.empty(0, dtype=np.int64), *rows])
+
+    def with_parameters(self, parameters: Parameters) -> CableModel:
+        """The same equations with other numbers (a copy)."""
+        buffer, views = pack(parameters)
+        return CableModel(self.layout, self.features, self.frame, views, buffer)
+
+    def residual(self, t: float, y: Array, yp: Array, out: Array) -> None:
+        """Write F(t, Y, Y') to `out`, shape (size,)."""
+        self.equations.residual(t, y, yp, 0.0, out, 0, 0, 0, self._buffer)
+
+    def jacobian(self, t: float, y: Array, yp: Array, c_j: float, out: Array) -> None:
+        """Write the band of dF/dY + c_j dF/dY' to the full matrix `out`, shape (size, size)."""
+        self.equations.jacobian(t, y, yp, c_j, out.reshape(-1), 0, y.size, 1, self._buffer)
+
+    def band_jacobian(self, t: float, y: Array, yp: Array, c_j: float, rows_above: int = 0) -> Array:
+        """dF/dY + c_j dF/dY' in LAPACK band storage, shape (rows_above + lower + upper + 1, size).
+
+        `rows_above` leaves room for the fill of a factorisation.
+        """
+        lower, upper = self.bandwidths
+        band = np.zeros((rows_above + lower + upper + 1, y.size))
+        base = (rows_above + upper) * y.size
+        self.equations.jacobian(t, y, yp, c_j, band.reshape(-1), base, y.size, 1 - y.size, self._buffer)
+        return band
+
+    @property
+    def equations(self):  # noqa: ANN201 - compiled functions have no useful type
+        """The compiled functions."""
+        return compile_equations(self.features)
+
+    def consistent_rates(self, t: float, y: Array) -> Array:
+        """Y' that fulfils F(t, Y, Y') = 0 for a given Y.
+
+        F is affine in Y', so dF/dY' is the difference of two Jacobians.  The velocities of
+        prescribed ends have no rate in F; they get the ends' accelerations, which helps the first
+        predictor.
+
+        Parameters
+        ----------
+        t : float
+            Time [s].
+        y : ndarray, shape (size,)
+            State.
+
+        Returns
+        -------
+        ndarray, shape (size,)
+            Rates.
+        """
+        zero = np.zeros_like(y)
+        rhs = np.empty_like(y)
+        self.residual(t, y, zero, rhs)
+        mass = self.band_jacobian(t, y, zero, 1.0) - self.band_jacobian(t, y, zero, 0.0)
+        rows = self.algebraic_rows
+        mass[self.bandwidths[1], rows] = 1.0
+        rhs[rows] = -self._end_accelerations(t)
+        return solve_banded(self.bandwidths, mass, -rhs)
+
+    def end_place_and_velocity(self, name: str, t: float) -> tuple[Array, Array]:
+        """Place and velocity, each (D,), that the equations give to prescribed end ``a`` or ``b``."""
+        place, velocity = np.empty(self.layout.dimension), np.empty(self.layout.dimension)
+        breaks = getattr(self.parameters, f"breaks_{name}")
+        end_motion(breaks, getattr(self.parameters, f"coefficients_{name}"), t, place, velocity)
+        return place, velocity
+
+    def node_places(self, t: float, y: Array) -> Array:
+        """Coordinates (n+1, D) of all nodes at one time."""
+        chords = self.parameters.segments[:, REFERENCE_LENGTH, None] * self.layout.chord(y)
+        from_a = np.concatenate((np.zeros((1, self.layout.dimension)), np.cumsum(chords, axis=0)))
+        if self.features.free_a:
+            return self.layout.end_place(y) + from_a - from_a[-1]
+        return self.end_place_and_velocity("a", t)[0] + from_a
+
+    def _end_accelerations(self, t: float) -> Array:
+        parameters = self.parameters
+        ends = []
+        if not self.features.free_a:
+            ends.append(_second_derivative(parameters.breaks_a, parameters.coefficients_a, t))
+        if not self.features.free_b:
+            ends.append(_second_derivative(parameters.breaks_b, parameters.coefficients_b, t))
+        return np.concatenate([np.empty(0), *ends])
+
+
+def _second_derivative(breaks: Array, coefficients: Array, t: float) -> Array:
+    piece = min(max(int(np.searchsorted(breaks, t, side="right")) - 1, 0), breaks.size - 2)
+    dt = t - breaks[piece]
+    powers = np.array([0.0, 0.0, 2.0, 6.0 * dt, 12.0 * dt**2, 20.0 * dt**3])
+    return powers @ coefficients[piece]
+
+
+def build_model(scene: Scene, mesh: Mesh, frame: Frame) -> CableModel:
+    """Compile the equations of a scene and pack its numbers.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is simulated.
+    mesh : Mesh
+        Its nodes.
+    frame : Frame
+        Coordinates of the solution, from `physics.needs.scene_frame`.
+
+    Returns
+    -------
+    CableModel
+        Equations ready to be integrated.
+    """
+    features = scene_features(scene, frame)
+    numerics, cable = scene.numerics, scene.cable
+    breaks_a, coefficients_a = _end_table(scene.end_a, frame)
+    breaks_b, coefficients_b = _end_table(scene.end_b, frame)
+    times, x, y, z, velocity = _current_table(scene, frame)
+    parameters = Parameters(
+        segments=np.stack([mesh.lengths, mesh.lengths], axis=1),
+        nodes=_node_table(scene, mesh),
+        constants=np.array(
+            [
+                cable.axial_stiffness,
+                cable.bending_stiffness,
+                cable.structural_damping,
+                numerics.strain_feedback,
+                numerics.closure_feedback,
+            ]
+        ),
+        breaks_a=breaks_a,
+        coefficients_a=coefficients_a,
+        breaks_b=breaks_b,
+        coefficients_b=coefficients_b,
+        clamps=np.stack([_clamp(scene.end_a, frame), _clamp(scene.end_b, frame)]),
+        current_times=times,
+        current_x=x,
+        current_y=y,
+        current_z=z,
+        current_velocity=velocity,
+    )
+    buffer, views = pack(parameters)
+    layout = StateLayout(frame.dimension, mesh.segments)
+    assert views.segments.shape[1] == 1 + max(LENGTH, REFERENCE_LENGTH)
+    return CableModel(layout, features, frame, views, buffer)
+
+
+def _node_table(scene: Scene, mesh: Mesh) -> Array:
+    """Lumped mass, weight and drag of each node: half of both segments, and the attachments on it."""
+    cable, density = scene.cable, scene.water.density
+    length = mesh.node_lengths
+    displaced = density * cable.displaced_section * length
+    table = np.zeros((length.size, 8))
+    table[:, MASS] = cable.mass_per_length * length
+    table[:, ADDED_NORMAL] = cable.added_mass_normal * displaced
+    table[:, ADDED_TANGENTIAL] = cable.added_mass_tangential * displaced
+    table[:, WET_WEIGHT] = cable.wet_weight * length
+    table[:, DRAG_NORMAL] = 0.5 * density * cable.drag_normal * cable.diameter * length
+    table[:, DRAG_TANGENTIAL] = 0.5 * density * cable.drag_tangential * np.pi * cable.diameter * length
+    table[:, FLUID_MASS] = displaced
+    for attachment, node in zip(scene.attachments, mesh.attachment_nodes, strict=True):
+        displaced_mass = density * attachment.volume
+        table[node, MASS] += attachment.mass
+        table[node, ADDED_NORMAL] += attachment.added_mass * displaced_mass
+        table[node, ADDED_TANGENTIAL] += attachment.added_mass * displaced_mass
+        table[node, WET_WEIGHT] += (attachment.mass - displaced_mass) * scene.gravity
+        table[node, DRAG_POINT] += 0.5 * density * attachment.drag_area
+        table[node, FLUID_MASS] += displaced_mass
+    return table
+
+
+def _end_table(end: End, frame: Frame) -> tuple[Array, Array]:
+    """Breaks (m+1,) and coefficients (m, 6, D) of an end's motion in the frame."""
+    if end.motion is None:
+        return np.array([0.0, 1.0]), np.zeros((1, 6, frame.dimension))
+    return motion_table(end.motion, frame)
+
+
+def motion_table(motion: Motion, frame: Frame) -> tuple[Array, Array]:
+    """Breaks (m+1,) and coefficients (m, 6, D) of a motion in a frame."""
+    coefficients = frame.vectors_in(motion.coefficients)
+    coefficients[:, 0] = frame.places_in(motion.coefficients[:, 0])
+    return motion.breaks, np.ascontiguousarray(coefficients)
+
+
+def _clamp(end: End, frame: Frame) -> Array:
+    return np.zeros(frame.dimension) if end.clamp is None else frame.vectors_in(end.clamp)
+
+
+def _current_table(scene: Scene, frame: Frame) -> tuple[Array, Array, Array, Array, Array]:
+    """Grid axes and velocities (t, x, y, z, D) of the current; heights count from the frame's origin."""
+    current, one = scene.water.current, np.zeros(1)
+    if isinstance(current, GriddedCurrent):
+        return current.times, current.x, current.y, current.z, frame.vectors_in(current.velocities)
+    if isinstance(current, ProfileCurrent):
+        velocity = frame.vectors_in(current.velocities)[None, None, None]
+        return one, one, one, current.heights - frame.origin[2], velocity
+    velocity = current.velocity if isinstance(current, UniformCurrent) else np.zeros(3)
+    return one, one, one, one, frame.vectors_in(velocity)[None, None, None, None]

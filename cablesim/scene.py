@@ -1,0 +1,312 @@
+"""Plain frozen data that the physics needs, in SI units; made from a case.
+
+Depends on: motion.
+
+A scene holds no behaviour beyond a few derived numbers.  z is up, `s` is the
+unstretched material coordinate measured from end A, angles are in radians.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cablesim.motion import Motion
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cable:
+    """A homogeneous cable (paper, Section III-A).
+
+    Attributes
+    ----------
+    length : float
+        Unstretched length deployed between A and B [m].
+    diameter : float
+        Outer diameter on which drag acts [m].
+    mass_per_length : float
+        Dry mass per unstretched metre [kg/m].
+    displaced_section : float
+        Displaced volume per unstretched metre [m2]; carries buoyancy and added mass.
+    wet_weight : float
+        Weight in water per unstretched metre [N/m], positive when the cable sinks.
+    axial_stiffness, bending_stiffness : float
+        EA [N] and EI [N m2].
+    drag_normal, drag_tangential : float
+        Coefficients on d and on pi d (convention of MoorDyn and WHOI Cable).
+    added_mass_normal, added_mass_tangential : float
+        Added mass per displaced mass, normal to and along the cable.
+    structural_damping : float
+        Kelvin-Voigt time tau of T + tau dT/dt [s].
+    """
+
+    length: float
+    diameter: float
+    mass_per_length: float
+    displaced_section: float
+    wet_weight: float
+    axial_stiffness: float
+    bending_stiffness: float
+    drag_normal: float
+    drag_tangential: float
+    added_mass_normal: float
+    added_mass_tangential: float
+    structural_damping: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attachment:
+    """A point body fixed to the cable: buoy, ballast or any other body.
+
+    Attributes
+    ----------
+    name, kind : str
+        Label, and one of ``buoy``, ``ballast``, ``body``.
+    position : float
+        Material coordinate s [m].
+    mass, volume : float
+        Dry mass [kg] and displaced volume [m3].
+    drag_area : float
+        Drag coefficient times area, CdA [m2].
+    added_mass : float
+        Added mass per displaced mass [-].
+    """
+
+    name: str
+    kind: str
+    position: float
+    mass: float
+    volume: float
+    drag_area: float
+    added_mass: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Imu:
+    """A massless inertial sensor on the cable.
+
+    Attributes
+    ----------
+    name : str
+        Label.
+    position : float
+        Material coordinate s [m].
+    mounting : ndarray, shape (4,)
+        Rotation from the cable's local frame to the sensor, quaternion with the scalar last.
+    """
+
+    name: str
+    position: float
+    mounting: Vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class StillWater:
+    """Water at rest."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class UniformCurrent:
+    """The same water velocity everywhere [m/s], shape (3,)."""
+
+    velocity: Vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProfileCurrent:
+    """Water velocity against height.
+
+    Attributes
+    ----------
+    heights : ndarray, shape (m,)
+        World z, strictly increasing [m]; the end values hold outside.
+    velocities : ndarray, shape (m, 3)
+        Water velocity at each height [m/s].
+    """
+
+    heights: Vector
+    velocities: Vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class GriddedCurrent:
+    """Water velocity on a rectangular grid, linear in between, end values outside.
+
+    Attributes
+    ----------
+    times, x, y, z : ndarray
+        Strictly increasing grid coordinates [s, m, m, m]; length 1 means constant along it.
+    velocities : ndarray, shape (len(times), len(x), len(y), len(z), 3)
+        Water velocity [m/s].
+    """
+
+    times: Vector
+    x: Vector
+    y: Vector
+    z: Vector
+    velocities: Vector
+
+
+Current = StillWater | UniformCurrent | ProfileCurrent | GriddedCurrent
+
+
+@dataclass(frozen=True, kw_only=True)
+class Water:
+    """Density [kg/m3] (0 means vacuum) and current."""
+
+    density: float
+    current: Current = StillWater()
+
+
+@dataclass(frozen=True, kw_only=True)
+class End:
+    """One end of the cable.
+
+    Attributes
+    ----------
+    motion : Motion or None
+        Prescribed motion; ``None`` leaves the end free.
+    clamp : ndarray of shape (3,) or None
+        Unit tangent (pointing from A to B) that the end imposes on a cable that
+        bends; ``None`` is a ball joint.
+    """
+
+    motion: Motion | None
+    clamp: Vector | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Refinement:
+    """Segments no longer than `segment_length` for |s - position| <= `within` [m]."""
+
+    position: float
+    within: float
+    segment_length: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshRules:
+    """Target segment length [m] and local refinements."""
+
+    segment_length: float
+    refinements: tuple[Refinement, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class EquilibriumShape:
+    """Rest shape of the scene at t = 0.
+
+    `guess` is an optional polyline of world points (m, 3) from A to B from which the search starts.
+    """
+
+    guess: Vector | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TautShape:
+    """Straight cable; `direction` (unit, from A to B) is needed only when an end is free."""
+
+    direction: Vector | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CatenaryShape:
+    """Elastic catenary between the two ends, attachments and bending left out."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkerShape:
+    """Shape interpolated through measured markers (paper, Section III-B).
+
+    Attributes
+    ----------
+    arc : ndarray, shape (m,)
+        Material coordinate of each marker, strictly increasing [m].
+    positions : ndarray, shape (m, 3)
+        World positions [m].
+    """
+
+    arc: Vector
+    positions: Vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class SavedState:
+    """State from an earlier result file at `time` (``None``: its last good state)."""
+
+    file: str
+    time: float | None = None
+
+
+InitialShape = EquilibriumShape | TautShape | CatenaryShape | MarkerShape | SavedState
+
+
+@dataclass(frozen=True, kw_only=True)
+class Numerics:
+    """What the integrator is told.
+
+    Attributes
+    ----------
+    relative_tolerance : float
+        rtol of IDA; the absolute tolerances follow from it and the scales of the scene.
+    max_order : int
+        Highest order of the backward differentiation formulas, 1 to 5.
+    max_step : float or None
+        Longest step [s].
+    max_steps : int
+        Give up after so many steps between two outputs.
+    time_limit : float or None
+        Wall-clock seconds after which the run stops and keeps what it has.
+    linear_solver : str
+        ``auto``, ``band`` or ``krylov``.
+    strain_feedback, closure_feedback : float
+        beta and kappa [1/s] of the tension row and of the end rows.
+    skip : bool
+        Compile for what the scene needs (True), or the full three-dimensional kernel.
+    """
+
+    relative_tolerance: float = 1e-4
+    max_order: int = 2
+    max_step: float | None = None
+    max_steps: int = 1_000_000
+    time_limit: float | None = None
+    linear_solver: str = "auto"
+    strain_feedback: float = 10.0
+    closure_feedback: float = 20.0
+    skip: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Output:
+    """What is kept: every `interval` seconds, the named `variables` (empty: all), `markers` at s."""
+
+    interval: float
+    variables: tuple[str, ...] = ()
+    markers: Vector = field(default_factory=lambda: np.empty(0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """Everything one simulation needs.
+
+    `gravity` [m/s2] acts along -z; `source` is the case as text, kept with the results.
+    """
+
+    name: str
+    gravity: float
+    water: Water
+    cable: Cable
+    mesh: MeshRules
+    attachments: tuple[Attachment, ...]
+    imus: tuple[Imu, ...]
+    end_a: End
+    end_b: End
+    initial: InitialShape
+    duration: float
+    numerics: Numerics
+    output: Output
+    source: str = ""

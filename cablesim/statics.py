@@ -1,0 +1,594 @@
+"""Rest shapes and other initial states, consistent with the discrete equations.
+
+Depends on: scene, mesh, physics.
+
+A ladder, and the report says which rung was used: straight, arc or elastic catenary give a first
+shape; Newton on the static residual follows it to the full load; dynamic relaxation is last.
+
+Newton and relaxation are one thing here.  A step of the implicit Euler method of length h on the
+equations of motion, with the velocities set back to nought before it, is Newton's method on the
+static residual when h is long, and a heavily damped motion downhill when h is short.  It needs no
+equations of its own, and closure and compatibility, which are linear, hold at every iterate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+from scipy.linalg import LinAlgError, solve_banded, solveh_banded
+from scipy.optimize import brentq, root
+
+from cablesim.mesh import Mesh
+from cablesim.physics.model import CableModel, build_model
+from cablesim.physics.needs import scene_frame
+from cablesim.physics.parameters import ADDED_NORMAL, ADDED_TANGENTIAL, DRAG_POINT, MASS, WET_WEIGHT
+from cablesim.scene import (
+    CatenaryShape,
+    EquilibriumShape,
+    MarkerShape,
+    Scene,
+    TautShape,
+)
+
+Array = NDArray[np.float64]
+
+NEWTON_ITERATIONS = 30
+LONGEST_TURN = 0.5  # largest change of a segment vector in one Newton iteration
+STATIC_STEP = 1e6  # [s] implicit Euler step that makes inertia vanish
+FIRST_STEP, LAST_STEP = 1e-2, 1e5  # [s] of relaxation
+RELAXATION_STEPS = 400
+SMALLEST_LOAD_STEP = 1.0 / 64.0
+REST_TOLERANCE = 1e-9  # unbalanced force on a node at rest, over the scene's largest force
+
+
+class Rung(StrEnum):
+    """Which step of the ladder gave the initial state."""
+
+    TAUT = "taut"
+    CATENARY = "catenary"
+    NEWTON = "newton"
+    RELAXATION = "relaxation"
+    MARKERS = "markers"
+    SAVED = "saved state"
+
+
+class StaticsError(RuntimeError):
+    """No rest shape was found; the message says how far the search came and what to try."""
+
+
+@dataclass(frozen=True)
+class InitialState:
+    """A state that fulfils the discrete equations at t = 0.
+
+    Attributes
+    ----------
+    model : CableModel
+        The equations it belongs to.
+    y : ndarray, shape (size,)
+        State.
+    rung : Rung
+        How it was found.
+    residual : float
+        Largest unbalanced force on a node, were the cable held at rest [N].
+    iterations : int
+        Newton iterations spent.
+    """
+
+    model: CableModel
+    y: Array
+    rung: Rung
+    residual: float
+    iterations: int
+
+    @property
+    def message(self) -> str:
+        """One sentence on how the state was found."""
+        return (
+            f"initial shape by {self.rung.value}: {self.iterations} Newton iterations, "
+            f"largest unbalanced force {self.residual:.2g} N"
+        )
+
+
+@dataclass(frozen=True)
+class Guess:
+    """First shape: unit directions (n, 3) from A to B, tensions (n,) and the rung it stands for."""
+
+    directions: Array
+    tension: Array
+    rung: Rung
+
+
+def find_initial_state(scene: Scene, mesh: Mesh) -> InitialState:
+    """Initial state of a scene, as its `initial` shape asks.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is simulated.
+    mesh : Mesh
+        Its nodes.
+
+    Returns
+    -------
+    InitialState
+        State, model and how it was found.
+
+    Raises
+    ------
+    StaticsError
+        When no rest shape is found.
+    """
+    guess = _first_guess(scene, mesh)
+    model = build_model(scene, mesh, scene_frame(scene, guess.directions))
+    y = _state_of(guess, model, scene)
+    if isinstance(scene.initial, EquilibriumShape):
+        return _Search(model, _frame_velocity(scene, model)).equilibrium(y, guess.rung)
+    _close(y, model)
+    _set_tension(y, model, _momentum_tension(y, model))
+    _set_velocities(y, scene, model)
+    search = _Search(model, np.zeros(model.layout.dimension))
+    return InitialState(model, y, guess.rung, search.unbalanced_force(y), 0)
+
+
+# First shapes ---------------------------------------------------------------------------------------
+
+
+def _first_guess(scene: Scene, mesh: Mesh) -> Guess:
+    shape = scene.initial
+    if isinstance(shape, MarkerShape):
+        return Guess(marker_directions(shape.arc, shape.positions, mesh.nodes), np.zeros(mesh.segments), Rung.MARKERS)
+    if isinstance(shape, EquilibriumShape) and shape.guess is not None:
+        arc = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(shape.guess, axis=0), axis=1))))
+        arc *= scene.cable.length / arc[-1]
+        return Guess(marker_directions(arc, shape.guess, mesh.nodes), np.zeros(mesh.segments), Rung.MARKERS)
+    if isinstance(shape, TautShape) and shape.direction is not None:
+        return _straight(shape.direction, 0.0, mesh)
+    if scene.end_a.motion is None or scene.end_b.motion is None:
+        return _hanging(scene, mesh)
+    return _between_ends(scene, mesh)
+
+
+def _straight(direction: Array, tension: float, mesh: Mesh) -> Guess:
+    return Guess(np.tile(direction, (mesh.segments, 1)), np.full(mesh.segments, tension), Rung.TAUT)
+
+
+def _hanging(scene: Scene, mesh: Mesh) -> Guess:
+    """Straight up or down from the held end, as the whole weight in water asks."""
+    weight = _node_weights(scene, mesh)
+    from_a = scene.end_b.motion is None
+    sinks = weight.sum() >= 0.0
+    beyond = np.cumsum(weight[::-1])[::-1][1:] if from_a else np.cumsum(weight)[:-1]
+    direction = np.array([0.0, 0.0, -1.0 if sinks == from_a else 1.0])
+    return Guess(np.tile(direction, (mesh.segments, 1)), beyond if sinks else -beyond, Rung.TAUT)
+
+
+def _node_weights(scene: Scene, mesh: Mesh) -> Array:
+    weight = scene.cable.wet_weight * mesh.node_lengths
+    for attachment, node in zip(scene.attachments, mesh.attachment_nodes, strict=True):
+        weight[node] += (attachment.mass - scene.water.density * attachment.volume) * scene.gravity
+    return weight
+
+
+def _between_ends(scene: Scene, mesh: Mesh) -> Guess:
+    """Straight when the ends are as far apart as the cable is long, else a catenary or an arc."""
+    assert scene.end_a.motion is not None
+    assert scene.end_b.motion is not None
+    cable = scene.cable
+    span = scene.end_b.motion.position(0.0) - scene.end_a.motion.position(0.0)
+    distance = float(np.linalg.norm(span))
+    if distance >= cable.length:
+        return _straight(span / distance, cable.axial_stiffness * (distance / cable.length - 1.0), mesh)
+    middle = 0.5 * (mesh.nodes[1:] + mesh.nodes[:-1])
+    weight = float(_node_weights(scene, mesh).sum()) / cable.length
+    if abs(cable.wet_weight) * cable.length > 1e-3 * abs(weight * cable.length) and cable.wet_weight != 0.0:
+        force = elastic_catenary(span, cable.length, cable.wet_weight, cable.axial_stiffness)
+        pull = force[None, :] + np.outer(middle, [0.0, 0.0, cable.wet_weight])
+        tension = np.linalg.norm(pull, axis=1)
+        return Guess(pull / tension[:, None], tension, Rung.CATENARY)
+    return Guess(_arc_directions(span, cable.length, middle, down=weight >= 0.0), np.zeros(mesh.segments), Rung.CATENARY)
+
+
+def elastic_catenary(span: Array, length: float, wet_weight: float, axial_stiffness: float) -> Array:
+    """Force with which a hanging elastic cable is pulled at its lower-s end (Irvine, Cable Structures).
+
+    Parameters
+    ----------
+    span : ndarray, shape (3,)
+        From end A to end B [m].
+    length : float
+        Unstretched length [m].
+    wet_weight : float
+        Weight per unstretched metre [N/m], not nought; negative when the cable floats.
+    axial_stiffness : float
+        EA [N].
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        The tension vector at end A, pointing into the cable; at s it is this plus (0, 0, wet_weight s) [N].
+    """
+    w = abs(wet_weight)
+    up = np.sign(wet_weight)
+    across, rise = float(np.hypot(span[0], span[1])), float(span[2]) * up
+    heading = span[:2] / across if across > 0.0 else np.array([1.0, 0.0])
+    across = max(across, 1e-9 * length)  # a cable folded on itself hangs from an all but vanishing pull
+
+    def ends(horizontal: float, vertical: float) -> tuple[float, float]:
+        top = vertical + w * length
+        x = horizontal / w * (np.arcsinh(top / horizontal) - np.arcsinh(vertical / horizontal))
+        z = (np.hypot(horizontal, top) - np.hypot(horizontal, vertical)) / w
+        x += horizontal * length / axial_stiffness
+        z += (vertical + 0.5 * w * length) * length / axial_stiffness
+        return x, z
+
+    def mismatch(unknown: Array) -> list[float]:
+        x, z = ends(float(np.exp(unknown[0])), unknown[1] * w * length)
+        return [(x - across) / length, (z - rise) / length]
+
+    solution = root(mismatch, _catenary_start(across, rise, length, w, axial_stiffness), tol=1e-13)
+    horizontal, vertical = float(np.exp(solution.x[0])), solution.x[1] * w * length
+    return np.array([horizontal * heading[0], horizontal * heading[1], vertical * up])
+
+
+def _catenary_start(across: float, rise: float, length: float, w: float, axial_stiffness: float) -> list[float]:
+    """Logarithm of the horizontal force, and vertical force at A over the weight, of a nearby cable."""
+    chord = float(np.hypot(across, rise))
+    if length > chord * (1.0 + 1e-6):
+        # inextensible: sinh(u)/u = sqrt(L^2 - rise^2)/across
+        ratio = np.sqrt(length**2 - rise**2) / across
+        u = brentq(lambda u: np.log(np.sinh(u) / u) - np.log(ratio), 1e-9, 700.0)
+        horizontal = w * across / (2.0 * u)
+        vertical = 0.5 * w * (rise / np.tanh(u) - length)
+    else:
+        pull = max(axial_stiffness * (chord / length - 1.0), 0.1 * w * length)
+        horizontal, vertical = pull * across / chord, pull * rise / chord - 0.5 * w * length
+    return [float(np.log(horizontal)), float(vertical / (w * length))]
+
+
+def _arc_directions(span: Array, length: float, arc: Array, *, down: bool) -> Array:
+    """Directions (n, 3) along a circular arc through both ends in a vertical plane, at material places `arc`."""
+    distance = float(np.linalg.norm(span))
+    along = span / distance if distance > 1e-9 * length else np.array([1.0, 0.0, 0.0])
+    side = np.array([0.0, 0.0, -1.0 if down else 1.0])
+    side -= (side @ along) * along
+    if np.linalg.norm(side) < 1e-9:  # ends one above the other: sag to +x
+        side = np.array([1.0, 0.0, 0.0])
+    side /= np.linalg.norm(side)
+    half = np.pi
+    if distance > 1e-9 * length:
+        half = brentq(lambda a: np.sin(a) / a - distance / length, 1e-9, np.pi)
+    angle = half * (1.0 - 2.0 * arc / length)
+    return np.outer(np.cos(angle), along) + np.outer(np.sin(angle), side)
+
+
+def marker_directions(arc: Array, positions: Array, nodes: Array) -> Array:
+    """Segment directions (n, 3) of a smooth curve through markers.
+
+    Parameters
+    ----------
+    arc : ndarray, shape (m,)
+        Material coordinate of each marker [m].
+    positions : ndarray, shape (m, 3)
+        World positions [m].
+    nodes : ndarray, shape (n+1,)
+        Material coordinates of the mesh [m].
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Unit vectors from A to B.  Shape-preserving cubics: markers with errors do not make loops.
+    """
+    chords = np.diff(PchipInterpolator(arc, positions, extrapolate=True)(nodes), axis=0)
+    return chords / np.linalg.norm(chords, axis=1)[:, None]
+
+
+# States from shapes ---------------------------------------------------------------------------------
+
+
+def _state_of(guess: Guess, model: CableModel, scene: Scene) -> Array:
+    """State with the guess's directions and tensions, at rest."""
+    layout = model.layout
+    y = np.zeros(layout.size)
+    strain = guess.tension / scene.cable.axial_stiffness
+    layout.chord(y)[:] = model.frame.vectors_in(guess.directions) * (1.0 + strain)[:, None]
+    layout.tension(y)[:] = guess.tension
+    if scene.end_a.motion is None:
+        layout.end_place(y)[:] = _start_of_end_b(scene, model)
+    else:
+        layout.end_place(y)[:] = _sum_of_chords(y, model)
+    return y
+
+
+def _start_of_end_b(scene: Scene, model: CableModel) -> Array:
+    if scene.end_b.motion is not None:
+        return model.frame.places_in(scene.end_b.motion.position(0.0))
+    shape = scene.initial
+    polyline = shape.positions if isinstance(shape, MarkerShape) else getattr(shape, "guess", None)
+    if polyline is None:
+        raise StaticsError(
+            "Both ends are free and nothing says where the cable is: give the shape by markers or a polyline."
+        )
+    return model.frame.places_in(polyline[-1])
+
+
+def _sum_of_chords(y: Array, model: CableModel) -> Array:
+    return model.parameters.segments[:, 1] @ model.layout.chord(y)
+
+
+def _close(y: Array, model: CableModel) -> None:
+    """Turn the segments a little so that their chords reach from A to B exactly."""
+    features, layout = model.features, model.layout
+    if features.free_a or features.free_b:
+        return
+    lengths = model.parameters.segments[:, 1]
+    target = model.parameters.coefficients_b[0, 0] - model.parameters.coefficients_a[0, 0]
+    directions = layout.chord(y) / np.linalg.norm(layout.chord(y), axis=1)[:, None]
+    stretch = max(1.0, float(np.linalg.norm(target)) / lengths.sum())
+    for _ in range(200):
+        gap = target - stretch * (lengths @ directions)
+        if np.linalg.norm(gap) < 1e-14 * lengths.sum():
+            break
+        # least turning: each segment may only turn, so invert sum l (1 - t t^T)
+        turning = lengths.sum() * np.eye(layout.dimension) - (directions * lengths[:, None]).T @ directions
+        turning += 1e-12 * lengths.sum() * np.eye(layout.dimension)
+        directions = directions + np.linalg.solve(turning, gap)[None]
+        directions /= np.linalg.norm(directions, axis=1)[:, None]
+    layout.chord(y)[:] = stretch * directions
+    layout.tension(y)[:] = model.parameters.constants[0] * (stretch - 1.0)
+    layout.end_place(y)[:] = _sum_of_chords(y, model)
+
+
+def _momentum_tension(y: Array, model: CableModel) -> Array:
+    """Tensions (n,) that fulfil the momentum rows best in the least-squares sense (paper, III-B).
+
+    Weighted with the inverse of the mass this is Gauss' principle of least constraint: segments keep
+    their lengths at the first instant, so that no axial wave starts.  Tri-diagonal.
+    """
+    layout, parameters = model.layout, model.parameters
+    n = layout.segments
+    trial = y.copy()
+    layout.tension(trial)[:] = 0.0
+    force = np.empty(layout.size)
+    model.residual(0.0, trial, np.zeros(layout.size), force)
+    chord = layout.chord(y)
+    tangent = chord / np.linalg.norm(chord, axis=1)[:, None]
+    mass = parameters.nodes[:, MASS] + parameters.nodes[:, ADDED_NORMAL]
+    softer = parameters.nodes[:, ADDED_NORMAL] - parameters.nodes[:, ADDED_TANGENTIAL]
+    mean = np.concatenate((tangent[:1], tangent[1:] + tangent[:-1], tangent[-1:]))
+    mean /= np.maximum(np.linalg.norm(mean, axis=1), 1e-12)[:, None]
+
+    def accelerate(nodes: Array, vectors: Array) -> Array:
+        """Inverse of m I - softer m m^T (Sherman and Morrison), row by row."""
+        along = np.sum(mean[nodes] * vectors, axis=1)
+        factor = softer[nodes] / (mass[nodes] - softer[nodes]) * along
+        return (vectors + factor[:, None] * mean[nodes]) / mass[nodes][:, None]
+
+    free = np.ones(n + 1)
+    free[0], free[n] = float(model.features.free_a), float(model.features.free_b)
+    rows = np.concatenate((layout.velocity(force), layout.end_velocity(force)[None]))
+    acceleration = -accelerate(np.arange(n + 1), rows) * free[:, None]
+    right = free[1:, None] * accelerate(np.arange(1, n + 1), tangent)
+    left = free[:-1, None] * accelerate(np.arange(n), tangent)
+    diagonal = np.sum(tangent * (left + right), axis=1)
+    coupling = -np.sum(tangent[1:] * free[1:-1, None] * accelerate(np.arange(1, n), tangent[:-1]), axis=1)
+    diagonal += 1e-12 * diagonal.max()
+    band = np.stack((np.concatenate(([0.0], coupling)), diagonal))
+    return solveh_banded(band, np.sum(tangent * np.diff(acceleration, axis=0), axis=1))
+
+
+def _set_tension(y: Array, model: CableModel, tension: Array) -> None:
+    """Add tensions and the stretch that goes with them; the chords keep their sum by `_close`."""
+    layout = model.layout
+    chord = layout.chord(y)
+    taut = layout.tension(y).copy()
+    layout.tension(y)[:] = np.where(taut > 0.0, taut, tension)
+    stretch = 1.0 + layout.tension(y) / model.parameters.constants[0]
+    chord *= (stretch / np.linalg.norm(chord, axis=1))[:, None]
+    if not (model.features.free_a or model.features.free_b):
+        gap = layout.end_place(y) - _sum_of_chords(y, model)
+        chord += gap / model.parameters.segments[:, 1].sum()
+    elif not model.features.free_a:
+        layout.end_place(y)[:] = _sum_of_chords(y, model)
+
+
+def _frame_velocity(scene: Scene, model: CableModel) -> Array:
+    """Velocity (D,) with which the whole cable may move at rest relative to its ends."""
+    velocities = [
+        model.frame.vectors_in(end.motion.velocity(0.0))
+        for end in (scene.end_a, scene.end_b)
+        if end.motion is not None
+    ]
+    if velocities and np.ptp(np.stack(velocities), axis=0).max() < 1e-12:
+        return velocities[0]
+    return np.zeros(model.layout.dimension)
+
+
+def _set_velocities(y: Array, scene: Scene, model: CableModel) -> None:
+    """Velocities that vary linearly from one end to the other."""
+    ends = [end.motion.velocity(0.0) if end.motion is not None else None for end in (scene.end_a, scene.end_b)]
+    first = ends[0] if ends[0] is not None else ends[1]
+    last = ends[1] if ends[1] is not None else ends[0]
+    if first is None or last is None:
+        return
+    layout = model.layout
+    share = np.concatenate(([0.0], np.cumsum(model.parameters.segments[:, 0])))
+    share /= share[-1]
+    velocity = np.outer(1.0 - share, model.frame.vectors_in(first)) + np.outer(share, model.frame.vectors_in(last))
+    layout.velocity(y)[:] = velocity[:-1]
+    layout.end_velocity(y)[:] = velocity[-1]
+
+
+# Equilibrium ----------------------------------------------------------------------------------------
+
+
+class _Search:
+    """Looks for rest: the model with its ends stopped, and counters for the report."""
+
+    def __init__(self, model: CableModel, velocity: Array) -> None:
+        self.moving = model
+        self.model = model.with_parameters(_stopped(model, velocity))
+        self.velocity = velocity
+        self.iterations = 0
+
+    def equilibrium(self, y: Array, rung: Rung) -> InitialState:
+        """Climb the ladder from a first shape."""
+        y = self._at_rest(y)
+        if not self._many_rest_shapes():
+            for climb in (self._newton, self._load_continuation):
+                found = climb(y)
+                if found is not None and self._balanced(found):
+                    return self._report(found, rung if rung is Rung.TAUT else Rung.NEWTON)
+        found = self._relaxation(y)
+        if self._balanced(found):
+            return self._report(found, Rung.RELAXATION)
+        raise StaticsError(
+            f"No rest shape was found: after {self.iterations} Newton iterations a force of "
+            f"{self.unbalanced_force(found):.3g} N is left on a node (scale {self._force_scale(found):.3g} N). "
+            "Start from markers or a taut shape and let the dynamic simulation settle, or give "
+            "'through' points near the rest shape."
+        )
+
+    def unbalanced_force(self, y: Array) -> float:
+        """Largest force on a node of the cable held at rest [N]."""
+        out = np.empty_like(y)
+        self.model.residual(0.0, self._at_rest(y), np.zeros_like(y), out)
+        rows = np.concatenate((self.model.layout.velocity(out), self.model.layout.end_velocity(out)[None]))
+        held = [self.model.features.free_a, *[True] * (len(rows) - 2), self.model.features.free_b]
+        return float(np.linalg.norm(rows[held], axis=1).max())
+
+    def _many_rest_shapes(self) -> bool:
+        """A slack cable that bends, or weighs nothing, has many rest shapes: go downhill to a stable one."""
+        if self.model.features.bending:
+            return True
+        return float(np.abs(self.model.parameters.nodes[1:-1, WET_WEIGHT]).max()) == 0.0
+
+    def _balanced(self, y: Array) -> bool:
+        return bool(np.isfinite(y).all()) and self.unbalanced_force(y) <= REST_TOLERANCE * self._force_scale(y)
+
+    def _force_scale(self, y: Array) -> float:
+        """Largest of tensions, total weight and total drag [N]."""
+        parameters, layout = self.model.parameters, self.model.layout
+        weight = np.abs(parameters.nodes[:, WET_WEIGHT]).sum()
+        bending = parameters.constants[1] / parameters.segments[:, 0].sum() ** 2
+        current = parameters.current_velocity
+        drag = (parameters.nodes[:, 4:7].sum()) * float((current**2).sum(axis=-1).max())
+        return max(weight, bending, drag, float(np.abs(layout.tension(y)).max()), 1e-9)
+
+    def _report(self, y: Array, rung: Rung) -> InitialState:
+        y = self._at_rest(y)
+        self.model.layout.end_place(y)[:] += _closure_defect(y, self.model)
+        return InitialState(self.moving, y, rung, self.unbalanced_force(y), self.iterations)
+
+    def _at_rest(self, y: Array) -> Array:
+        y = y.copy()
+        self.model.layout.velocity(y)[:] = self.velocity
+        self.model.layout.end_velocity(y)[:] = self.velocity
+        return y
+
+    def _newton(self, y: Array) -> Array | None:
+        """Two long steps: the second takes out what the first left of the closing of the cable."""
+        first = self._step(y, STATIC_STEP, self.model)
+        return None if first is None else self._step(first, STATIC_STEP, self.model)
+
+    def _load_continuation(self, y: Array) -> Array | None:
+        """From the bare cable in still water to the full loads, in steps that adapt."""
+        load, step = 0.0, 0.25
+        while load < 1.0:
+            trial = min(1.0, load + step)
+            found = self._step(y, STATIC_STEP, self.model.with_parameters(_loaded(self.model, trial)))
+            if found is not None:
+                y, load, step = found, trial, 2.0 * step
+            else:
+                step *= 0.5
+                if step < SMALLEST_LOAD_STEP:
+                    return None
+        return self._step(y, STATIC_STEP, self.model)
+
+    def _relaxation(self, y: Array) -> Array:
+        """Steps that grow while Newton converges: first downhill, in the end Newton's method."""
+        h = FIRST_STEP
+        for _ in range(RELAXATION_STEPS):
+            before = self.iterations
+            found = self._step(y, h, self.model)
+            if found is None:
+                h *= 0.25
+                continue
+            y = found
+            if h >= LAST_STEP and self._balanced(y):
+                break
+            easy = self.iterations - before <= 8
+            h = min(LAST_STEP, h * (3.0 if easy else 1.0))
+        return y
+
+    def _step(self, y: Array, h: float, model: CableModel) -> Array | None:
+        """One implicit Euler step of length h from rest; None when Newton does not converge."""
+        start = self._at_rest(y)
+        new = start.copy()
+        out = np.empty_like(y)
+        layout = model.layout
+        scale = self._force_scale(y)
+        for _ in range(NEWTON_ITERATIONS):
+            self.iterations += 1
+            rates = (new - start) / h
+            model.residual(0.0, new, rates, out)
+            try:
+                change = solve_banded(
+                    model.bandwidths, model.band_jacobian(0.0, new, rates, 1.0 / h), -out, check_finite=False
+                )
+            except LinAlgError:
+                return None
+            turn = float(np.abs(layout.chord(change)).max())
+            if not np.isfinite(turn):
+                return None
+            new = new + min(1.0, LONGEST_TURN / max(turn, 1e-300)) * change
+            if turn < 1e-11 and np.abs(layout.tension(change)).max() < 1e-9 * scale:
+                return new
+        return None
+
+
+def _closure_defect(y: Array, model: CableModel) -> Array:
+    """What is missing (rounding) between the integrated place of end B and the sum of the chords."""
+    if model.features.free_a:
+        return np.zeros(model.layout.dimension)
+    return _sum_of_chords(y, model) - model.layout.end_place(y)
+
+
+def _stopped(model: CableModel, velocity: Array):  # noqa: ANN202 - Parameters
+    """Parameters with both ends in uniform motion through their places at t = 0."""
+    changes = {}
+    for end in ("a", "b"):
+        coefficients = np.zeros((1, 6, model.layout.dimension))
+        coefficients[0, 0] = getattr(model.parameters, f"coefficients_{end}")[0, 0]
+        coefficients[0, 1] = velocity
+        changes[f"coefficients_{end}"] = coefficients
+        changes[f"breaks_{end}"] = np.array([0.0, 1e9])
+    return model.parameters._replace(**changes)
+
+
+def _loaded(model: CableModel, load: float):  # noqa: ANN202 - Parameters
+    """Parameters with a share of the point loads and of the current; the bare cable at 0."""
+    nodes = model.parameters.nodes.copy()
+    bare = np.median(nodes[1:-1, WET_WEIGHT] / _node_lengths(model)[1:-1]) * _node_lengths(model)
+    nodes[:, WET_WEIGHT] = bare + load * (nodes[:, WET_WEIGHT] - bare)
+    nodes[:, DRAG_POINT] *= load
+    return model.parameters._replace(nodes=nodes, current_velocity=load * model.parameters.current_velocity)
+
+
+def _node_lengths(model: CableModel) -> Array:
+    halves = 0.5 * model.parameters.segments[:, 0]
+    return np.concatenate((halves, [0.0])) + np.concatenate(([0.0], halves))
+
+
+__all__ = [
+    "CatenaryShape",
+    "InitialState",
+    "Rung",
+    "StaticsError",
+    "elastic_catenary",
+    "find_initial_state",
+    "marker_directions",
+]

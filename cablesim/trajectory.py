@@ -1,0 +1,442 @@
+"""The labelled dataset of a run, in the world frame and the paper's language, and its netCDF file.
+
+Depends on: scene, mesh, physics.
+"""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from cablesim.mesh import Mesh
+from cablesim.physics.equations import water_motion
+from cablesim.physics.model import CableModel
+from cablesim.physics.needs import describe_needs
+from cablesim.physics.parameters import (
+    ADDED_NORMAL,
+    ADDED_TANGENTIAL,
+    DRAG_NORMAL,
+    DRAG_POINT,
+    DRAG_TANGENTIAL,
+    FLUID_MASS,
+    MASS,
+    REFERENCE_LENGTH,
+    STILL,
+    WET_WEIGHT,
+)
+from cablesim.scene import Scene
+
+Array = NDArray[np.float64]
+
+CONVENTIONS = "CF-1.11"
+
+
+class History:
+    """States at the output times, as far as the run came.
+
+    Parameters
+    ----------
+    times : ndarray, shape (k,)
+        Output times [s].
+    size : int
+        Length of Y.
+    """
+
+    def __init__(self, times: Array, size: int) -> None:
+        self.times = times
+        self._y = np.empty((times.size, size))
+        self._yp = np.empty((times.size, size))
+        self._count = 0
+
+    def record(self, y: Array, yp: Array) -> None:
+        """Keep the state of the next output time."""
+        self._y[self._count] = y
+        self._yp[self._count] = yp
+        self._count += 1
+
+    def close(self, t: float, y: Array, yp: Array) -> None:
+        """End early: keep the last good state when it is later than the last output."""
+        if t > self.times[self._count - 1]:
+            self.times[self._count] = t
+            self.record(y, yp)
+        self.times = self.times[: self._count]
+
+    @property
+    def y(self) -> Array:
+        """States, shape (recorded, size)."""
+        return self._y[: self._count]
+
+    @property
+    def yp(self) -> Array:
+        """Their rates, shape (recorded, size)."""
+        return self._yp[: self._count]
+
+
+@dataclass(frozen=True, eq=False)
+class _Quantities:
+    """Everything that can be said about a history; each property is computed when first asked for."""
+
+    scene: Scene
+    mesh: Mesh
+    model: CableModel
+    history: History
+
+    @cached_property
+    def times(self) -> Array:
+        return self.history.times
+
+    @cached_property
+    def chords(self) -> Array:
+        lengths = self.model.parameters.segments[:, REFERENCE_LENGTH, None]
+        return self.model.frame.vectors_out(lengths * self.model.layout.chord(self.history.y))
+
+    @cached_property
+    def position(self) -> Array:
+        from_a = np.zeros((self.times.size, self.mesh.segments + 1, 3))
+        np.cumsum(self.chords, axis=1, out=from_a[:, 1:])
+        if self.scene.end_a.motion is not None:
+            return from_a + self.scene.end_a.motion.position(self.times)[:, None]
+        end_b = self.model.frame.places_out(self.model.layout.end_place(self.history.y))
+        return from_a + (end_b - from_a[:, -1])[:, None]
+
+    @cached_property
+    def velocity(self) -> Array:
+        return self.model.frame.vectors_out(self.model.layout.node_velocity(self.history.y))
+
+    @cached_property
+    def acceleration(self) -> Array:
+        rates = self.model.frame.vectors_out(self.model.layout.node_velocity(self.history.yp))
+        for node, end in ((0, self.scene.end_a), (-1, self.scene.end_b)):
+            if end.motion is not None:  # the integrator's rate of an algebraic unknown is only an estimate
+                rates[:, node] = end.motion.acceleration(self.times)
+        return rates
+
+    @cached_property
+    def chord_lengths(self) -> Array:
+        return np.sqrt(np.einsum("tec,tec->te", self.chords, self.chords))
+
+    @cached_property
+    def tangent(self) -> Array:
+        return self.chords / self.chord_lengths[..., None]
+
+    @cached_property
+    def node_tangent(self) -> Array:
+        t = self.tangent
+        mean = np.empty((t.shape[0], t.shape[1] + 1, 3))
+        mean[:, 0], mean[:, -1] = t[:, 0], t[:, -1]
+        np.add(t[:, 1:], t[:, :-1], out=mean[:, 1:-1])
+        mean[:, 1:-1] /= np.maximum(np.linalg.norm(mean[:, 1:-1], axis=-1), 1e-12)[..., None]
+        return mean
+
+    @cached_property
+    def strain_tension(self) -> Array:
+        return self.model.layout.tension(self.history.y)
+
+    @cached_property
+    def tension(self) -> Array:
+        """Axial force with its damping part: what the segments pull with."""
+        return self.strain_tension + self.scene.cable.structural_damping * self.model.layout.tension(self.history.yp)
+
+    @cached_property
+    def shear(self) -> Array:
+        """Shear vectors Q (time, segment, 3); see the joints in `physics.equations`."""
+        result = np.zeros_like(self.tangent)
+        if not self.model.features.bending:
+            return result
+        t, length = self.tangent, self.chord_lengths[..., None]
+        before, after, stiffness = self._joints
+        cosine = np.einsum("tjc,tjc->tj", before, after)
+        moment = (stiffness / np.maximum(1.0 + cosine, 1e-9))[..., None]
+        pull_after = -moment * (before - cosine[..., None] * after)  # of joint j on segment j
+        pull_before = -moment * (after - cosine[..., None] * before)  # and on segment j-1
+        result += pull_after[:, :-1] + pull_before[:, 1:]
+        return result / length - np.einsum("tec,tec->te", result, t)[..., None] * 0.0
+
+    @cached_property
+    def _joints(self) -> tuple[Array, Array, Array]:
+        """Tangents before and after each of the n+1 joints, and 2 EI/lbar (0 at a ball joint)."""
+        t = self.tangent
+        clamps = self.model.frame.vectors_out(self.model.parameters.clamps)
+        shape = (t.shape[0], 1, 3)
+        before = np.concatenate((np.broadcast_to(clamps[0], shape), t), axis=1)
+        after = np.concatenate((t, np.broadcast_to(clamps[1], shape)), axis=1)
+        stiffness = 2.0 * self.scene.cable.bending_stiffness / self.mesh.node_lengths
+        stiffness[0] *= float(self.model.features.clamp_a)
+        stiffness[-1] *= float(self.model.features.clamp_b)
+        return before, after, stiffness
+
+    @cached_property
+    def theta(self) -> Array:
+        return -np.arcsin(np.clip(self.tangent[..., 1], -1.0, 1.0))
+
+    @cached_property
+    def phi(self) -> Array:
+        t = self.tangent
+        return np.unwrap(np.unwrap(np.arctan2(-t[..., 2], t[..., 0]), axis=1), axis=0)
+
+    @cached_property
+    def shear_normal(self) -> Array:
+        return np.einsum("tec,tec->te", self.shear, local_basis(self.tangent)[0])
+
+    @cached_property
+    def shear_binormal(self) -> Array:
+        return np.einsum("tec,tec->te", self.shear, local_basis(self.tangent)[1])
+
+    @cached_property
+    def velocity_tangential(self) -> Array:
+        return np.einsum("tnc,tnc->tn", self.velocity, self.node_tangent)
+
+    @cached_property
+    def _node_basis(self) -> tuple[Array, Array]:
+        return local_basis(self.node_tangent)
+
+    @cached_property
+    def velocity_normal(self) -> Array:
+        return np.einsum("tnc,tnc->tn", self.velocity, self._node_basis[0])
+
+    @cached_property
+    def velocity_binormal(self) -> Array:
+        return np.einsum("tnc,tnc->tn", self.velocity, self._node_basis[1])
+
+    @cached_property
+    def end_tension(self) -> Array:
+        return self.tension[:, [0, -1]]
+
+    @cached_property
+    def end_force(self) -> Array:
+        """Balance of forces (2) of the two end nodes, solved for what holds them."""
+        force = np.empty((self.times.size, 2, 3))
+        for k, (node, segment, sign) in enumerate(((0, 0, 1.0), (-1, -1, -1.0))):
+            pull = self.tension[:, segment, None] * self.tangent[:, segment] + self.shear[:, segment]
+            force[:, k] = sign * pull - self._node_load(node)
+        return force
+
+    def _node_load(self, node: int) -> Array:
+        """Inertia, drag and weight (time, 3) of one node, as in the node loop of `physics.equations`."""
+        p = self.model.parameters.nodes[node]
+        m = self.node_tangent[:, node]
+        water, water_rate = self._water(node)
+        v, a = self.velocity[:, node] - water, self.acceleration[:, node] - water_rate
+        v_t = np.einsum("tc,tc->t", v, m)[:, None]
+        a_t = np.einsum("tc,tc->t", a, m)[:, None]
+        v_n = v - v_t * m
+        load = p[MASS] * self.acceleration[:, node] + p[ADDED_NORMAL] * a
+        load -= (p[ADDED_NORMAL] - p[ADDED_TANGENTIAL]) * a_t * m + p[FLUID_MASS] * water_rate
+        load += p[DRAG_NORMAL] * np.linalg.norm(v_n, axis=1, keepdims=True) * v_n
+        load += p[DRAG_TANGENTIAL] * np.abs(v_t) * v_t * m
+        load += p[DRAG_POINT] * np.linalg.norm(v, axis=1, keepdims=True) * v
+        return load + [0.0, 0.0, p[WET_WEIGHT]]
+
+    def _water(self, node: int) -> tuple[Array, Array]:
+        """Velocity and acceleration (time, 3) of the water at one node."""
+        frame, p, kind = self.model.frame, self.model.parameters, self.model.features.current
+        velocity, rate = np.zeros((2, self.times.size, frame.dimension))
+        if kind != STILL:
+            places = frame.places_in(self.position[:, node])
+            for k, t in enumerate(self.times):
+                axes = (p.current_times, p.current_x, p.current_y, p.current_z)
+                water_motion(kind, t, places[k], *axes, p.current_velocity, velocity[k], rate[k])
+        return frame.vectors_out(velocity), frame.vectors_out(rate)
+
+    @cached_property
+    def attachment_position(self) -> Array:
+        return self.position[:, self.mesh.attachment_nodes]
+
+    @cached_property
+    def marker_position(self) -> Array:
+        s = self.scene.output.markers
+        segment = np.clip(np.searchsorted(self.mesh.nodes, s, side="right") - 1, 0, self.mesh.segments - 1)
+        share = ((s - self.mesh.nodes[segment]) / self.mesh.lengths[segment])[None, :, None]
+        return (1.0 - share) * self.position[:, segment] + share * self.position[:, segment + 1]
+
+    @cached_property
+    def kinetic_energy(self) -> Array:
+        p = self.model.parameters.nodes
+        square = np.einsum("tnc,tnc->tn", self.velocity, self.velocity)
+        along = self.velocity_tangential**2
+        return 0.5 * (
+            square @ (p[:, MASS] + p[:, ADDED_NORMAL]) - along @ (p[:, ADDED_NORMAL] - p[:, ADDED_TANGENTIAL])
+        )
+
+    @cached_property
+    def potential_energy(self) -> Array:
+        return self.position[..., 2] @ self.model.parameters.nodes[:, WET_WEIGHT]
+
+    @cached_property
+    def elastic_energy(self) -> Array:
+        return (self.strain_tension**2) @ (0.5 * self.mesh.lengths / self.scene.cable.axial_stiffness)
+
+    @cached_property
+    def bending_energy(self) -> Array:
+        if not self.model.features.bending:
+            return np.zeros(self.times.size)
+        before, after, stiffness = self._joints
+        opening = np.maximum(1.0 + np.einsum("tjc,tjc->tj", before, after), 1e-9)
+        return -np.log(0.5 * opening)[:, stiffness > 0.0] @ stiffness[stiffness > 0.0]
+
+    @cached_property
+    def closure_error(self) -> Array:
+        if self.scene.end_b.motion is None or self.scene.end_a.motion is None:
+            return np.zeros(self.times.size)
+        return np.linalg.norm(self.position[:, -1] - self.scene.end_b.motion.position(self.times), axis=1)
+
+
+def local_basis(tangent: Array) -> tuple[Array, Array]:
+    """Unit vectors n and b of the paper's local frame (Fig. 2, psi = -pi/2) for tangents t.
+
+    With t = (cos phi cos theta, -sin theta, -sin phi cos theta) (8): n = (-sin phi, 0, -cos phi) and
+    b = t x n.  Along +-y, where phi is not defined, n points down.
+
+    Parameters
+    ----------
+    tangent : ndarray, shape (..., 3)
+        Unit tangents.
+
+    Returns
+    -------
+    normal, binormal : ndarray, shape (..., 3)
+        Unit vectors.
+    """
+    cos_theta = np.hypot(tangent[..., 0], tangent[..., 2])
+    safe = np.where(cos_theta > 1e-12, cos_theta, 1.0)
+    normal = np.zeros_like(tangent)
+    normal[..., 0] = tangent[..., 2] / safe
+    normal[..., 2] = np.where(cos_theta > 1e-12, -tangent[..., 0] / safe, -1.0)
+    return normal, np.cross(tangent, normal)
+
+
+@dataclass(frozen=True)
+class _Variable:
+    dimensions: tuple[str, ...]
+    units: str
+    long_name: str
+    needed: Callable[[Scene], bool] = lambda scene: True
+
+
+_NODE, _SEGMENT = ("time", "node"), ("time", "segment")
+
+VARIABLES: dict[str, _Variable] = {
+    "position": _Variable((*_NODE, "axis"), "m", "position of the nodes in the world frame, z up"),
+    "velocity": _Variable((*_NODE, "axis"), "m s-1", "velocity of the nodes in the world frame"),
+    "acceleration": _Variable((*_NODE, "axis"), "m s-2", "acceleration of the nodes in the world frame"),
+    "tension": _Variable(_SEGMENT, "N", "tangential internal force T_t"),
+    "shear_normal": _Variable(_SEGMENT, "N", "normal internal force T_n"),
+    "shear_binormal": _Variable(_SEGMENT, "N", "binormal internal force T_b"),
+    "theta": _Variable(_SEGMENT, "rad", "orientation angle theta of equation (8)"),
+    "phi": _Variable(_SEGMENT, "rad", "orientation angle phi of equation (8), unwrapped"),
+    "velocity_tangential": _Variable(_NODE, "m s-1", "tangential velocity V_t"),
+    "velocity_normal": _Variable(_NODE, "m s-1", "normal velocity V_n"),
+    "velocity_binormal": _Variable(_NODE, "m s-1", "binormal velocity V_b"),
+    "end_force": _Variable(("time", "end", "axis"), "N", "force of the cable on what holds its ends"),
+    "end_tension": _Variable(("time", "end"), "N", "tangential internal force T_t of the segments at the ends"),
+    "attachment_position": _Variable(
+        ("time", "attachment", "axis"),
+        "m",
+        "position of the attachments in the world frame",
+        lambda scene: bool(scene.attachments),
+    ),
+    "marker_position": _Variable(
+        ("time", "marker", "axis"),
+        "m",
+        "position of the markers in the world frame",
+        lambda scene: scene.output.markers.size > 0,
+    ),
+    "kinetic_energy": _Variable(("time",), "J", "kinetic energy of cable, attachments and added mass"),
+    "potential_energy": _Variable(("time",), "J", "potential energy of the weight in water, nought at z = 0"),
+    "elastic_energy": _Variable(("time",), "J", "energy of stretching"),
+    "bending_energy": _Variable(("time",), "J", "energy of bending"),
+    "closure_error": _Variable(("time",), "m", "distance of the last node from the place prescribed for end B"),
+}
+"""Every variable that a trajectory can hold."""
+
+
+def build_dataset(
+    scene: Scene, mesh: Mesh, model: CableModel, history: History, attributes: dict[str, object]
+) -> xr.Dataset:
+    """Dataset of a run.
+
+    Parameters
+    ----------
+    scene, mesh, model
+        What was simulated.
+    history : History
+        States at the output times.
+    attributes : dict
+        Status and statistics of the run, kept as attributes.
+
+    Returns
+    -------
+    xarray.Dataset
+        The variables that the scene's output asks for.
+    """
+    quantities = _Quantities(scene, mesh, model, history)
+    wanted = scene.output.variables or tuple(VARIABLES)
+    data = {}
+    for name in wanted:
+        variable = VARIABLES[name]
+        if variable.needed(scene):
+            attrs = {"units": variable.units, "long_name": variable.long_name}
+            data[name] = (variable.dimensions, getattr(quantities, name), attrs)
+    return xr.Dataset(data, _coordinates(scene, mesh, history), _attributes(scene, model, attributes))
+
+
+def _coordinates(scene: Scene, mesh: Mesh, history: History) -> dict[str, object]:
+    middle = 0.5 * (mesh.nodes[1:] + mesh.nodes[:-1])
+    material = "unstretched material coordinate from end A"
+    coordinates: dict[str, object] = {
+        "time": ("time", history.times, {"units": "s", "long_name": "simulated time", "axis": "T"}),
+        "s": ("node", mesh.nodes, {"units": "m", "long_name": f"{material}, nodes"}),
+        "s_segment": ("segment", middle, {"units": "m", "long_name": f"{material}, middle of segments"}),
+        "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the world frame, z up"}),
+        "end": ("end", ["a", "b"], {"long_name": "end of the cable"}),
+    }
+    if scene.attachments:
+        names = [attachment.name for attachment in scene.attachments]
+        coordinates["attachment"] = ("attachment", names, {"long_name": "name of the attachment"})
+    if scene.output.markers.size:
+        coordinates["marker_s"] = ("marker", scene.output.markers, {"units": "m", "long_name": f"{material}, markers"})
+    return coordinates
+
+
+def _attributes(scene: Scene, model: CableModel, attributes: dict[str, object]) -> dict[str, object]:
+    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    return {
+        "Conventions": CONVENTIONS,
+        "title": scene.name,
+        "source": f"cablesim {version('cablesim')}",
+        "history": f"{now} simulated",
+        **attributes,
+        "skipped": "; ".join(f"{name}: {words}" for name, words in describe_needs(model.features).items()),
+        "case": scene.source,
+    }
+
+
+def write(dataset: xr.Dataset, path: str | Path) -> None:
+    """Write a trajectory to a netCDF-4 file.
+
+    Raises
+    ------
+    OSError
+        When the file cannot be written.
+    """
+    dataset.to_netcdf(path, engine="netcdf4")
+
+
+def read(path: str | Path) -> xr.Dataset:
+    """Read a trajectory written by `write`.
+
+    Raises
+    ------
+    OSError
+        When the file is missing or is not netCDF.
+    """
+    with xr.open_dataset(path, engine="netcdf4") as dataset:
+        return dataset.load()
