@@ -37,6 +37,7 @@ STATES_LIMIT = 10_000_000
 _STRAIGHT = 1e-6  # slack over length that still counts as taut
 _SPAN = 1e-3  # part of the length by which markers may miss the ends of the cable
 _OFF_END = 0.05  # part of the length by which a marker may miss the end it stands for
+_MARKERS = 100_000  # most places whose positions are kept
 _SAMPLES = 400  # times at which the distance of the ends is checked
 
 
@@ -118,7 +119,7 @@ class _Builder:
         """Turn what a reader or a motion refuses into a problem of the case."""
         try:
             yield
-        except (ValueError, OSError) as error:
+        except (ValueError, OverflowError, OSError) as error:
             if isinstance(error, OSError) and error.strerror:
                 message = f"cannot be read: {error.strerror}"
             else:
@@ -704,9 +705,12 @@ class _Builder:
         given, length = self.case.output.markers, self.case.cable.length
         where: Location = ("output", "markers")
         if isinstance(given, models.SpacedMarkers):
+            spacing = length if given.spacing is None else given.spacing
+            count = length / spacing + 1 if given.count is None else given.count
+            if count > _MARKERS:
+                raise self._refuse(where, f"makes {count:.3g} markers, more than {_MARKERS}", "Keep fewer.")
             if given.count is not None:
                 return np.linspace(0.0, length, given.count)
-            spacing = given.spacing if given.spacing is not None else length
             if spacing > length:
                 raise self._refuse(
                     (*where, "spacing"), f"is longer than the cable, {length:g} m", "Give a shorter one."

@@ -291,20 +291,12 @@ class Simulation:
             if status is not Status.COMPLETED:
                 return status
             if jump and self._time >= limit:
-                self._begin(stop, self._after_jump(stop))
+                self.model.impose_end_velocities(stop, self._y)
+                self._begin(stop, self._y)
         return Status.COMPLETED
 
     def _drive_end(self) -> float:
         return self._driven_until if any(self._driven) else np.inf
-
-    def _after_jump(self, t: float) -> Array:
-        """The state with the end velocities that hold from `t` on."""
-        y = self._y.copy()
-        out = np.empty_like(y)
-        self.model.residual(t, y, np.zeros_like(y), out)
-        rows = self.model.algebraic_rows
-        y[rows] -= out[rows]
-        return y
 
     def _drive(self, duration: float, velocity_a: ArrayLike | None, velocity_b: ArrayLike | None) -> None:
         """Replace the motion of driven ends by a ramp of velocity over this step."""

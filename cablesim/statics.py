@@ -325,7 +325,7 @@ def _close(y: Array, model: CableModel) -> None:
     if features.free_a or features.free_b:
         return
     lengths = model.parameters.segments[:, 1]
-    target = model.parameters.coefficients_b[0, 0] - model.parameters.coefficients_a[0, 0]
+    target = model.end_place_and_velocity("b", 0.0)[0] - model.end_place_and_velocity("a", 0.0)[0]
     directions = layout.chord(y) / np.linalg.norm(layout.chord(y), axis=1)[:, None]
     stretch = max(1.0, float(np.linalg.norm(target)) / lengths.sum())
     for _ in range(200):
@@ -420,6 +420,7 @@ def _set_velocities(y: Array, scene: Scene, model: CableModel) -> None:
     velocity = np.outer(1.0 - share, model.frame.vectors_in(first)) + np.outer(share, model.frame.vectors_in(last))
     layout.velocity(y)[:] = velocity[:-1]
     layout.end_velocity(y)[:] = velocity[-1]
+    model.impose_end_velocities(0.0, y)
 
 
 # Equilibrium ----------------------------------------------------------------------------------------
@@ -562,7 +563,7 @@ def _stopped(model: CableModel, velocity: Array):  # noqa: ANN202 - Parameters
     changes = {}
     for end in ("a", "b"):
         coefficients = np.zeros((1, 6, model.layout.dimension))
-        coefficients[0, 0] = getattr(model.parameters, f"coefficients_{end}")[0, 0]
+        coefficients[0, 0] = model.end_place_and_velocity(end, 0.0)[0]
         coefficients[0, 1] = velocity
         changes[f"coefficients_{end}"] = coefficients
         changes[f"breaks_{end}"] = np.array([0.0, 1e9])

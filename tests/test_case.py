@@ -82,11 +82,15 @@ def test_text_with_a_unit_becomes_si(unit: str, text: str | float, value: float)
     assert Quantity("value", unit, "1").parse(text) == pytest.approx(value, rel=1e-12)
 
 
-@pytest.mark.parametrize("target", _EVERYDAY)
-def test_everyday_units_are_those_of_pint(target: str) -> None:
+@pytest.fixture(scope="module")
+def registry() -> Any:
     import pint
 
-    registry: Any = pint.UnitRegistry()
+    return pint.UnitRegistry()
+
+
+@pytest.mark.parametrize("target", _EVERYDAY)
+def test_everyday_units_are_those_of_pint(target: str, registry: Any) -> None:
     for unit, factor in _EVERYDAY[target].items():
         spelled = re.sub(r"([ms])([23])", r"\1^\2", unit)
         assert registry.Quantity(1.0, spelled).to(target).magnitude == pytest.approx(factor, rel=1e-12)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import copy
+import math
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from cablesim.build import build_scene
 from cablesim.case import Case, CaseError, load_case
+from cablesim.case.read import read_yaml
 
 GOOD = """\
 name: good
@@ -197,6 +202,15 @@ READING = {
     ),
     "two rules for markers": ("count: 16", "count: 16, spacing: 1 m", "output.markers", "exclude each other"),
     "one marker": ("count: 16", "count: 1", "output.markers.count", "less than 2", "1"),
+    "marker count": ("count: 16", "count: 1000000", "output.markers.count", "greater than 100000"),
+    "absurd number": ("3 m", "1e40 m", "cable.length", "more than 1e+30 m", "'1e40 m'"),
+    "list in a row to look for": (
+        END_B,
+        f"{RECORDED}    where: {{point: [1]}}\n",
+        "ends.b.where.point",
+        "neither text nor a number",
+        "[1]",
+    ),
     "key twice": ("gravity: 9.81", "gravity: 9.81\nname: again", "name", "given twice, first on line 1"),
     "no markers": (INITIAL, "initial: {shape: markers}", "initial", "neither `arc` nor `file`"),
     "markers without positions": (INITIAL, "initial: {shape: markers, arc: [0, 3]}", "lacks `positions`"),
@@ -281,6 +295,10 @@ BUILDING = {
     "marker beyond the cable": (
         [("{count: 16}", "[1, 2, 4]")],
         ["output.markers[2]", "4", "beyond the cable, 3 m"],
+    ),
+    "markers too dense": (
+        [("count: 16", "spacing: 1e-6 m")],
+        ["output.markers", "3e+06 markers", "more than 100000"],
     ),
     "marker spacing": (
         [("count: 16", "spacing: 4 m")],
@@ -597,3 +615,49 @@ def test_case_made_in_python_is_refused_with_its_values() -> None:
     problem = caught.value.problems[0]
     assert (problem.file, problem.line) == (None, None)
     assert "cable.length: must be greater than 0; received -1.0" in str(caught.value)
+
+
+# Anything at all --------------------------------------------------------------------------------
+
+ODD: list[Any] = [None, "", "x", "4 mm", True, -1, 0, 1e300, 1e-300, 10**400, math.nan, [], {}]
+ODD += [[[[]]], [1, 2, 3], [[1, 2, 3], [4, 5, 6]], {"kind": 3}, {"motion": []}, {"shape": None}, {1: 2}, b"x"]
+
+
+def places(part: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Paths of everything in a case."""
+    if path:
+        yield path
+    for key, value in (
+        part.items() if isinstance(part, dict) else enumerate(part) if isinstance(part, list) else ()
+    ):
+        yield from places(value, (*path, key))
+
+
+GOOD_DATA, _ = read_yaml(GOOD)
+
+
+@pytest.mark.parametrize("group", GOOD_DATA)
+def test_whatever_stands_in_a_case_the_error_is_readable(group: str) -> None:
+    refused = 0
+    for path in places({group: GOOD_DATA[group]}):
+        for odd in ODD:
+            data = copy.deepcopy(GOOD_DATA)
+            part = data
+            for key in path[:-1]:
+                part = part[key]
+            part[path[-1]] = odd
+            try:
+                build_scene(Case.from_dict(data))
+            except CaseError as error:
+                refused += 1
+                for problem in error.problems:
+                    assert problem.message
+                    assert problem.remedy
+                    assert "See the description" not in problem.remedy, str(problem)
+    assert refused > 10
+
+
+def test_a_case_with_everything_odd_is_refused() -> None:
+    for odd in ODD:
+        with pytest.raises(CaseError):
+            Case.from_dict(odd)

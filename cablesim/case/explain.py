@@ -121,6 +121,8 @@ def _plain(kind: str, context: Any, detail: Any, field: FieldInfo | None) -> tup
             f"has {context['actual_length']} entries",
             f"Give {'at least' if kind == 'too_short' else 'at most'} {limit}{described}.",
         )
+    if kind == "invalid_key":
+        return "is a key that is not text", "Write keys as text."
     wanted = {
         "string_type": "text",
         "string_too_short": "some text",

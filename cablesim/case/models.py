@@ -10,7 +10,16 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, WithJsonSchema, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    PlainValidator,
+    Tag,
+    WithJsonSchema,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from cablesim.case.quantities import (
@@ -362,10 +371,26 @@ class HarmonicEnd(_End):
     ramp: Time = Field(default=0.0, ge=0, description="the amplitude grows from 0 during this time [s]")
 
 
+def _cell(value: Any) -> str | int | float:
+    """Accept what can stand in a cell of a table."""
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        raise PydanticCustomError(
+            "cell",
+            "{message}",
+            {"message": "is neither text nor a number", "remedy": "Give what stands in the column."},
+        )
+    return value
+
+
+Cell = Annotated[
+    Any, PlainValidator(_cell), WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "number"}]})
+]
+
+
 class MeanOfRows(Part):
     """A point measured as the mean of some rows of the same file."""
 
-    where: dict[str, str | int | float] = Field(
+    where: dict[str, Cell] = Field(
         min_length=1, description="rows with these values, for instance {point: rod_end}"
     )
 
@@ -395,7 +420,7 @@ class RecordedEnd(_End):
     sample_interval: Time | None = Field(
         default=None, gt=0, description="time between rows when there is no time column [s]"
     )
-    where: dict[str, str | int | float] | None = Field(
+    where: dict[str, Cell] | None = Field(
         default=None, description="keep only rows with these values, for instance {point: robot}"
     )
     marker: str | None = Field(default=None, description="name of the marker in a file with several")
@@ -477,7 +502,7 @@ class MarkersStart(Part):
         default=None, description="columns with x, y, z; default: x, y, z"
     )
     unit: str = Field(default="m", description="unit of the positions in the file")
-    where: dict[str, str | int | float] | None = Field(
+    where: dict[str, Cell] | None = Field(
         default=None, description="keep only rows with these values, for instance {frame: 3}"
     )
     up: Direction | None = Field(default=None, description="measured vertical in the frame of the file")
@@ -530,7 +555,9 @@ class Simulation(Part):
         default=2, ge=1, le=5, strict=True, description="highest order of BDF; above 2 only with damping"
     )
     max_step: Time | None = Field(default=None, gt=0, description="longest step [s]; default: no limit")
-    max_steps: int = Field(default=1_000_000, ge=1, strict=True, description="give up after so many steps")
+    max_steps: int = Field(
+        default=1_000_000, ge=1, le=2_000_000_000, strict=True, description="give up after so many steps"
+    )
     linear_solver: Literal["auto", "band", "krylov"] = Field(
         default="auto", description="solver of the linear systems; auto: by size"
     )
@@ -547,7 +574,7 @@ class SpacedMarkers(Part):
     """Output markers at equal distances along the cable."""
 
     count: int | None = Field(
-        default=None, ge=2, strict=True, description="so many, equally spaced, both ends included"
+        default=None, ge=2, le=100_000, strict=True, description="so many, equally spaced, both ends included"
     )
     spacing: Length | None = Field(
         default=None, gt=0, description="or one every so many metres from end A [m]"

@@ -20,6 +20,8 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 _UNIT = re.compile(r"(?:1/)?[A-Za-zµμ°][A-Za-zµμ°\d\s*/^·²³⁻¹-]*")
 
+_LARGEST = 1e30  # of anything in a case; squares and cubes of it are still finite
+
 
 class UnitError(ValueError):
     """A value whose unit is missing, unknown or of the wrong kind.
@@ -111,9 +113,14 @@ class Quantity:
         """
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise UnitError(f"is no {self.name}", self._remedy())
-        number = self._parse_text(value) if isinstance(value, str) else float(value)
+        try:
+            number = self._parse_text(value) if isinstance(value, str) else float(value)
+        except OverflowError:  # a whole number of more than 308 digits
+            number = math.inf
         if not math.isfinite(number):
             raise UnitError("is not finite", self._remedy())
+        if abs(number) > _LARGEST:
+            raise UnitError(f"is more than {_LARGEST:g} {self.unit}".rstrip(), self._remedy())
         return number
 
     def _parse_text(self, text: str) -> float:

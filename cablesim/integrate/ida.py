@@ -142,7 +142,7 @@ class IdaIntegrator:
         factors = _BandedFactors(self)
         return common | {
             "linsolver": "gmres",
-            "precond": IDAPrecond(factors.setup, factors.solve, "left"),
+            "precond": IDAPrecond(factors.setup, factors.solve),
             "jactimes": IDAJacTimes(None, factors.times),
         }
 

@@ -106,6 +106,12 @@ class CableModel:
         """The compiled functions."""
         return compile_equations(self.features)
 
+    def impose_end_velocities(self, t: float, y: Array) -> None:
+        """Set the velocities of prescribed ends in `y` to what their rows ask for at `t`."""
+        out = np.empty_like(y)
+        self.residual(t, y, np.zeros_like(y), out)
+        y[self.algebraic_rows] -= out[self.algebraic_rows]
+
     def consistent_rates(self, t: float, y: Array) -> Array:
         """Y' that fulfils F(t, Y, Y') = 0 for a given Y.
 

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 # V-system: directions cost least when they are held tighter than the rest, and a tension held
 # tighter than this makes IDA follow axial waves that move nothing (README, design notes).
 VELOCITY_FACTOR = 2.0
-CHORD_FACTOR = 0.3
+CHORD_FACTOR = 0.1
 TENSION_FACTOR = 100.0
 PLACE_FACTOR = 0.3
 
