@@ -306,7 +306,11 @@ def explain_failure(error: BaseException) -> tuple[Outcome, str, str]:
     if isinstance(error, OSError):
         return Outcome.FILE_PROBLEM, "file problem", _os_message(error)
     if isinstance(error, MemoryError):
-        return Outcome.STOPPED, "out of memory", "Not enough memory: take fewer segments, or keep fewer states."
+        return (
+            Outcome.STOPPED,
+            "out of memory",
+            "Not enough memory: take fewer segments, or keep fewer states.",
+        )
     log.debug("unexpected", exc_info=error)
     text = f"{type(error).__name__}: {error}. This is a mistake in cablesim; please report it."
     return Outcome.STOPPED, "internal error", text
@@ -368,7 +372,9 @@ def load_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
         return build_scene(Case.from_dict(data, directory=Path(path).resolve().parent))
     except CaseError as error:
         places = {path_text(location): line for location, line in lines.items()}
-        raise CaseError(_placed(problem, str(path), places, overrides) for problem in error.problems) from None
+        raise CaseError(
+            _placed(problem, str(path), places, overrides) for problem in error.problems
+        ) from None
 
 
 def _text_of(path: Path) -> str:
@@ -489,14 +495,16 @@ class _SideBySide:
         listener = QueueListener(queue, _Relay())
         listener.start()
         try:
-            with ProcessPoolExecutor(
-                self._jobs,
-                mp_context=self._context,
-                initializer=_start_worker,
-                initargs=(self._board, queue),
-            ) as pool:
-                with self._handling_interrupts():
-                    self._wait(self._submit(pool))
+            with (
+                ProcessPoolExecutor(
+                    self._jobs,
+                    mp_context=self._context,
+                    initializer=_start_worker,
+                    initargs=(self._board, queue),
+                ) as pool,
+                self._handling_interrupts(),
+            ):
+                self._wait(self._submit(pool))
         finally:
             listener.stop()
         return [self._summaries[index] for index in range(len(self._runs))]

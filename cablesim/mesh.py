@@ -6,6 +6,7 @@ Depends on: scene.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +66,7 @@ def build_mesh(scene: Scene) -> Mesh:
     cuts = _cuts(scene.cable.length, places, scene.mesh)
     pieces = [
         np.linspace(left, right, _segment_count(left, right, scene.mesh) + 1)[1:]
-        for left, right in zip(cuts[:-1], cuts[1:], strict=True)
+        for left, right in pairwise(cuts)
     ]
     nodes = np.concatenate(([0.0], *pieces))
     return Mesh(nodes, np.array([int(np.argmin(np.abs(nodes - place))) for place in places], dtype=np.int64))

@@ -228,7 +228,7 @@ def _mark_attachments(
     if len(names) > LABELLED:
         return
     last = view(places[shown[-1]])
-    middle = np.nanmean(view(dataset["position"].isel(time=shown[-1]).transpose("node", "axis").values)[0])
+    middle = np.nanmean(last[0])
     for x, y, name in zip(*last, names, strict=True):
         side, align = (10, "left") if x >= middle else (-10, "right")
         _write(axes, name, (x, y), (side, -4), ha=align)
@@ -240,7 +240,14 @@ def _write(axes: Axes, text: str, place: tuple[float, float], offset: tuple[int,
 
     halo = [withStroke(linewidth=3, foreground="white")]
     axes.annotate(
-        text, place, xytext=offset, textcoords="offset points", fontsize=10, zorder=6, path_effects=halo, **style
+        text,
+        place,
+        xytext=offset,
+        textcoords="offset points",
+        fontsize=10,
+        zorder=6,
+        path_effects=halo,
+        **style,
     )
 
 

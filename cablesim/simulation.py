@@ -21,9 +21,7 @@ from cablesim.case import Case
 from cablesim.integrate import IdaIntegrator, Status
 from cablesim.integrate.ida import IdaOptions
 from cablesim.mesh import Mesh, build_mesh
-from cablesim.physics.equations import compiled_before
 from cablesim.physics.model import CableModel
-from cablesim.physics.needs import scene_features
 from cablesim.physics.scales import absolute_tolerances, scene_scales
 from cablesim.scene import Scene
 from cablesim.statics import InitialState, find_initial_state
@@ -131,7 +129,8 @@ class Simulation:
             self.initial: InitialState = self._find_initial_state()
         self._driven = (False, False)
         self._stops = self._input_stops()
-        self._integrator = self._new_integrator(self.initial.model, self.initial.y)
+        self._model = self.initial.model
+        self._integrator = self._new_integrator(self._model, self.initial.y)
         self._begin(0.0, self.initial.y.copy())
 
     @property
@@ -142,7 +141,7 @@ class Simulation:
     @property
     def model(self) -> CableModel:
         """The equations being integrated."""
-        return self._integrator.equations
+        return self._model
 
     @property
     def state(self) -> tuple[Array, Array]:
@@ -232,16 +231,14 @@ class Simulation:
         return Snapshot(self._time, self._y, self._yp, self.model, self._driven)
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Come back to a moment; the integrator restarts there, so runs agree to tolerance, not to the bit."""
+        """Come back to a moment; the integrator restarts there: runs agree to tolerance, not to the bit."""
         self._driven = snapshot.driven
-        self._integrator.equations = snapshot.model
+        self._use(snapshot.model)
         self._begin(snapshot.time, snapshot.y, snapshot.yp)
 
     # Inside -------------------------------------------------------------------------------------
 
     def _find_initial_state(self) -> InitialState:
-        if not compiled_before():
-            log.info("Compiling the equations for the first time (once, some 10 s each kind of scene) ...")
         initial = find_initial_state(self.scene, self.mesh)
         log.debug(initial.message)
         return initial
@@ -261,6 +258,11 @@ class Simulation:
                 time_limit=numerics.time_limit,
             ),
         )
+
+    def _use(self, model: CableModel) -> None:
+        """Go on with other equations of the same size."""
+        self._model = model
+        self._integrator.equations = model
 
     def _begin(self, t: float, y: Array, yp: Array | None = None) -> None:
         self._time, self._y = t, y
@@ -301,7 +303,7 @@ class Simulation:
     def _drive(self, duration: float, velocity_a: ArrayLike | None, velocity_b: ArrayLike | None) -> None:
         """Replace the motion of driven ends by a ramp of velocity over this step."""
         parameters = self.model.parameters
-        changes = {}
+        changes: dict[str, Array] = {}
         driven = list(self._driven)
         for k, (name, command, end) in enumerate(
             (("a", velocity_a, self.scene.end_a), ("b", velocity_b, self.scene.end_b))
@@ -309,12 +311,12 @@ class Simulation:
             if command is None and not driven[k]:
                 continue
             if end.motion is None:
-                raise ValueError(f"step: velocity_{name} was given, but end {name} is free; give it a motion in the case.")
+                raise ValueError(f"step: velocity_{name} drives a free end; give it a motion in the case.")
             changes |= self._ramp(name, duration, command)
             driven[k] = True
         self._driven = (driven[0], driven[1])
         self._driven_until = self._time + duration
-        self._integrator.equations = self.model.with_parameters(parameters._replace(**changes))
+        self._use(self.model.with_parameters(parameters._replace(**changes)))
 
     def _ramp(self, name: str, duration: float, command: ArrayLike | None) -> dict[str, Array]:
         """Breaks and coefficients of an end that changes its velocity evenly over `duration`."""
@@ -326,8 +328,8 @@ class Simulation:
             target = frame.vectors_in(world)
             if world.shape != (3,) or not np.allclose(frame.vectors_out(target), world, rtol=0.0, atol=1e-9):
                 raise ValueError(
-                    f"step: velocity_{name} is {command!r}; give three numbers, and set simulation.skip to false "
-                    "in the case when the motion leaves the plane in which the scene began."
+                    f"step: velocity_{name} is {command!r}; give three numbers, and set simulation.skip to "
+                    "false in the case when the motion leaves the plane in which the scene began."
                 )
         coefficients = np.zeros((2, 6, frame.dimension))
         coefficients[0, :3] = place, now, 0.5 * (target - now) / duration
@@ -354,30 +356,26 @@ class Simulation:
     def _message(self, status: Status) -> str:
         if status is Status.COMPLETED:
             return status.sentence
-        return f"Stopped at t = {self._time:.6g} s of {self.scene.duration:g} s, {self._worst()}. {status.sentence}"
+        where = f"Stopped at t = {self._time:.6g} s of {self.scene.duration:g} s"
+        return f"{where}, {self._worst()}. {status.sentence}"
 
     def _worst(self) -> str:
         """Where the state changes fastest in units of its tolerance: the likely culprit."""
         model, layout = self.model, self.model.layout
         rtol = self.scene.numerics.relative_tolerance
-        weights = absolute_tolerances(scene_scales(self.scene, model, self._y), model, rtol) + rtol * np.abs(self._y)
+        weights = absolute_tolerances(scene_scales(self.scene, model, self._y), model, rtol) + rtol * np.abs(
+            self._y
+        )
         index = int(np.argmax(np.abs(self._yp) / weights))
         kind, node = layout.describe(index)
         return f"fastest change in the {kind} at node {node} (s = {self.mesh.nodes[node]:.4g} m)"
 
 
 @contextlib.contextmanager
-def _quiet():  # noqa: ANN202
+def _quiet():
     """IDA's binding prints its warnings on standard output; they belong in the log."""
     text = io.StringIO()
     with contextlib.redirect_stdout(text):
         yield
     if text.getvalue().strip():
         log.debug(text.getvalue().strip())
-
-
-def needs(scene: Scene, model: CableModel) -> dict[str, str]:
-    """What is computed for a scene and what is skipped, in words."""
-    from cablesim.physics.needs import describe_needs
-
-    return describe_needs(scene_features(scene, model.frame))

@@ -25,7 +25,13 @@ from scipy.optimize import brentq, root
 from cablesim.mesh import Mesh
 from cablesim.physics.model import CableModel, build_model
 from cablesim.physics.needs import scene_frame
-from cablesim.physics.parameters import ADDED_NORMAL, ADDED_TANGENTIAL, DRAG_POINT, MASS, WET_WEIGHT
+from cablesim.physics.parameters import (
+    ADDED_NORMAL,
+    ADDED_TANGENTIAL,
+    DRAG_POINT,
+    MASS,
+    WET_WEIGHT,
+)
 from cablesim.scene import (
     CatenaryShape,
     EquilibriumShape,
@@ -140,7 +146,9 @@ def find_initial_state(scene: Scene, mesh: Mesh) -> InitialState:
 def _first_guess(scene: Scene, mesh: Mesh) -> Guess:
     shape = scene.initial
     if isinstance(shape, MarkerShape):
-        return Guess(marker_directions(shape.arc, shape.positions, mesh.nodes), np.zeros(mesh.segments), Rung.MARKERS)
+        return Guess(
+            marker_directions(shape.arc, shape.positions, mesh.nodes), np.zeros(mesh.segments), Rung.MARKERS
+        )
     if isinstance(shape, EquilibriumShape) and shape.guess is not None:
         arc = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(shape.guess, axis=0), axis=1))))
         arc *= scene.cable.length / arc[-1]
@@ -189,7 +197,11 @@ def _between_ends(scene: Scene, mesh: Mesh) -> Guess:
         pull = force[None, :] + np.outer(middle, [0.0, 0.0, cable.wet_weight])
         tension = np.linalg.norm(pull, axis=1)
         return Guess(pull / tension[:, None], tension, Rung.CATENARY)
-    return Guess(_arc_directions(span, cable.length, middle, down=weight >= 0.0), np.zeros(mesh.segments), Rung.CATENARY)
+    return Guess(
+        _arc_directions(span, cable.length, middle, down=weight >= 0.0),
+        np.zeros(mesh.segments),
+        Rung.CATENARY,
+    )
 
 
 def elastic_catenary(span: Array, length: float, wet_weight: float, axial_stiffness: float) -> Array:
@@ -234,7 +246,9 @@ def elastic_catenary(span: Array, length: float, wet_weight: float, axial_stiffn
     return np.array([horizontal * heading[0], horizontal * heading[1], vertical * up])
 
 
-def _catenary_start(across: float, rise: float, length: float, w: float, axial_stiffness: float) -> list[float]:
+def _catenary_start(
+    across: float, rise: float, length: float, w: float, axial_stiffness: float
+) -> list[float]:
     """Logarithm of the horizontal force, and vertical force at A over the weight, of a nearby cable."""
     chord = float(np.hypot(across, rise))
     if length > chord * (1.0 + 1e-6):
@@ -250,7 +264,7 @@ def _catenary_start(across: float, rise: float, length: float, w: float, axial_s
 
 
 def _arc_directions(span: Array, length: float, arc: Array, *, down: bool) -> Array:
-    """Directions (n, 3) along a circular arc through both ends in a vertical plane, at material places `arc`."""
+    """Directions (n, 3), at places `arc`, along a circular arc through both ends in a vertical plane."""
     distance = float(np.linalg.norm(span))
     along = span / distance if distance > 1e-9 * length else np.array([1.0, 0.0, 0.0])
     side = np.array([0.0, 0.0, -1.0 if down else 1.0])
@@ -361,7 +375,7 @@ def _momentum_tension(y: Array, model: CableModel) -> Array:
     mean = np.concatenate((tangent[:1], tangent[1:] + tangent[:-1], tangent[-1:]))
     mean /= np.maximum(np.linalg.norm(mean, axis=1), 1e-12)[:, None]
 
-    def accelerate(nodes: Array, vectors: Array) -> Array:
+    def accelerate(nodes: slice, vectors: Array) -> Array:
         """Inverse of m I - softer m m^T (Sherman and Morrison), row by row."""
         along = np.sum(mean[nodes] * vectors, axis=1)
         factor = softer[nodes] / (mass[nodes] - softer[nodes]) * along
@@ -370,11 +384,11 @@ def _momentum_tension(y: Array, model: CableModel) -> Array:
     free = np.ones(n + 1)
     free[0], free[n] = float(model.features.free_a), float(model.features.free_b)
     rows = np.concatenate((layout.velocity(force), layout.end_velocity(force)[None]))
-    acceleration = -accelerate(np.arange(n + 1), rows) * free[:, None]
-    right = free[1:, None] * accelerate(np.arange(1, n + 1), tangent)
-    left = free[:-1, None] * accelerate(np.arange(n), tangent)
+    acceleration = -accelerate(slice(None), rows) * free[:, None]
+    right = free[1:, None] * accelerate(slice(1, None), tangent)
+    left = free[:-1, None] * accelerate(slice(0, n), tangent)
     diagonal = np.sum(tangent * (left + right), axis=1)
-    coupling = -np.sum(tangent[1:] * free[1:-1, None] * accelerate(np.arange(1, n), tangent[:-1]), axis=1)
+    coupling = -np.sum(tangent[1:] * free[1:-1, None] * accelerate(slice(1, n), tangent[:-1]), axis=1)
     diagonal += 1e-12 * diagonal.max()
     band = np.stack((np.concatenate(([0.0], coupling)), diagonal))
     return solveh_banded(band, np.sum(tangent * np.diff(acceleration, axis=0), axis=1))
@@ -409,7 +423,9 @@ def _frame_velocity(scene: Scene, model: CableModel) -> Array:
 
 def _set_velocities(y: Array, scene: Scene, model: CableModel) -> None:
     """Velocities that vary linearly from one end to the other."""
-    ends = [end.motion.velocity(0.0) if end.motion is not None else None for end in (scene.end_a, scene.end_b)]
+    ends = [
+        end.motion.velocity(0.0) if end.motion is not None else None for end in (scene.end_a, scene.end_b)
+    ]
     first = ends[0] if ends[0] is not None else ends[1]
     last = ends[1] if ends[1] is not None else ends[0]
     if first is None or last is None:
@@ -417,7 +433,9 @@ def _set_velocities(y: Array, scene: Scene, model: CableModel) -> None:
     layout = model.layout
     share = np.concatenate(([0.0], np.cumsum(model.parameters.segments[:, 0])))
     share /= share[-1]
-    velocity = np.outer(1.0 - share, model.frame.vectors_in(first)) + np.outer(share, model.frame.vectors_in(last))
+    velocity = np.outer(1.0 - share, model.frame.vectors_in(first)) + np.outer(
+        share, model.frame.vectors_in(last)
+    )
     layout.velocity(y)[:] = velocity[:-1]
     layout.end_velocity(y)[:] = velocity[-1]
     model.impose_end_velocities(0.0, y)
@@ -448,7 +466,8 @@ class _Search:
             return self._report(found, Rung.RELAXATION)
         raise StaticsError(
             f"No rest shape was found: after {self.iterations} Newton iterations a force of "
-            f"{self.unbalanced_force(found):.3g} N is left on a node (scale {self._force_scale(found):.3g} N). "
+            f"{self.unbalanced_force(found):.3g} N is left on a node, where the largest force is "
+            f"{self._force_scale(found):.3g} N. "
             "Start from markers or a taut shape and let the dynamic simulation settle, or give "
             "'through' points near the rest shape."
         )
@@ -468,7 +487,9 @@ class _Search:
         return float(np.abs(self.model.parameters.nodes[1:-1, WET_WEIGHT]).max()) == 0.0
 
     def _balanced(self, y: Array) -> bool:
-        return bool(np.isfinite(y).all()) and self.unbalanced_force(y) <= REST_TOLERANCE * self._force_scale(y)
+        return bool(np.isfinite(y).all()) and self.unbalanced_force(y) <= REST_TOLERANCE * self._force_scale(
+            y
+        )
 
     def _force_scale(self, y: Array) -> float:
         """Largest of tensions, total weight and total drag [N]."""
@@ -558,7 +579,7 @@ def _closure_defect(y: Array, model: CableModel) -> Array:
     return _sum_of_chords(y, model) - model.layout.end_place(y)
 
 
-def _stopped(model: CableModel, velocity: Array):  # noqa: ANN202 - Parameters
+def _stopped(model: CableModel, velocity: Array):
     """Parameters with both ends in uniform motion through their places at t = 0."""
     changes = {}
     for end in ("a", "b"):
@@ -570,7 +591,7 @@ def _stopped(model: CableModel, velocity: Array):  # noqa: ANN202 - Parameters
     return model.parameters._replace(**changes)
 
 
-def _loaded(model: CableModel, load: float):  # noqa: ANN202 - Parameters
+def _loaded(model: CableModel, load: float):
     """Parameters with a share of the point loads and of the current; the bare cable at 0."""
     nodes = model.parameters.nodes.copy()
     bare = np.median(nodes[1:-1, WET_WEIGHT] / _node_lengths(model)[1:-1]) * _node_lengths(model)

@@ -6,7 +6,7 @@ Depends on: scene, mesh, physics.
 from __future__ import annotations
 
 import datetime
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -143,7 +143,9 @@ class _Quantities:
     @cached_property
     def tension(self) -> Array:
         """Axial force with its damping part: what the segments pull with."""
-        return self.strain_tension + self.scene.cable.structural_damping * self.model.layout.tension(self.history.yp)
+        return self.strain_tension + self.scene.cable.structural_damping * self.model.layout.tension(
+            self.history.yp
+        )
 
     @cached_property
     def shear(self) -> Array:
@@ -151,14 +153,13 @@ class _Quantities:
         result = np.zeros_like(self.tangent)
         if not self.model.features.bending:
             return result
-        t, length = self.tangent, self.chord_lengths[..., None]
         before, after, stiffness = self._joints
         cosine = np.einsum("tjc,tjc->tj", before, after)
         moment = (stiffness / np.maximum(1.0 + cosine, 1e-9))[..., None]
         pull_after = -moment * (before - cosine[..., None] * after)  # of joint j on segment j
         pull_before = -moment * (after - cosine[..., None] * before)  # and on segment j-1
         result += pull_after[:, :-1] + pull_before[:, 1:]
-        return result / length - np.einsum("tec,tec->te", result, t)[..., None] * 0.0
+        return result / self.chord_lengths[..., None]
 
     @cached_property
     def _joints(self) -> tuple[Array, Array, Array]:
@@ -233,7 +234,7 @@ class _Quantities:
         load += p[DRAG_NORMAL] * np.linalg.norm(v_n, axis=1, keepdims=True) * v_n
         load += p[DRAG_TANGENTIAL] * np.abs(v_t) * v_t * m
         load += p[DRAG_POINT] * np.linalg.norm(v, axis=1, keepdims=True) * v
-        return load + [0.0, 0.0, p[WET_WEIGHT]]
+        return load + np.array([0.0, 0.0, p[WET_WEIGHT]])
 
     def _water(self, node: int) -> tuple[Array, Array]:
         """Velocity and acceleration (time, 3) of the water at one node."""
@@ -336,7 +337,7 @@ VARIABLES: dict[str, _Variable] = {
     "velocity_normal": _Variable(_NODE, "m s-1", "normal velocity V_n"),
     "velocity_binormal": _Variable(_NODE, "m s-1", "binormal velocity V_b"),
     "end_force": _Variable(("time", "end", "axis"), "N", "force of the cable on what holds its ends"),
-    "end_tension": _Variable(("time", "end"), "N", "tangential internal force T_t of the segments at the ends"),
+    "end_tension": _Variable(("time", "end"), "N", "tangential internal force T_t of the end segments"),
     "attachment_position": _Variable(
         ("time", "attachment", "axis"),
         "m",
@@ -353,13 +354,13 @@ VARIABLES: dict[str, _Variable] = {
     "potential_energy": _Variable(("time",), "J", "potential energy of the weight in water, nought at z = 0"),
     "elastic_energy": _Variable(("time",), "J", "energy of stretching"),
     "bending_energy": _Variable(("time",), "J", "energy of bending"),
-    "closure_error": _Variable(("time",), "m", "distance of the last node from the place prescribed for end B"),
+    "closure_error": _Variable(("time",), "m", "distance of the last node from the prescribed end B"),
 }
 """Every variable that a trajectory can hold."""
 
 
 def build_dataset(
-    scene: Scene, mesh: Mesh, model: CableModel, history: History, attributes: dict[str, object]
+    scene: Scene, mesh: Mesh, model: CableModel, history: History, attributes: Mapping[str, object]
 ) -> xr.Dataset:
     """Dataset of a run.
 
@@ -402,11 +403,12 @@ def _coordinates(scene: Scene, mesh: Mesh, history: History) -> dict[str, object
         names = [attachment.name for attachment in scene.attachments]
         coordinates["attachment"] = ("attachment", names, {"long_name": "name of the attachment"})
     if scene.output.markers.size:
-        coordinates["marker_s"] = ("marker", scene.output.markers, {"units": "m", "long_name": f"{material}, markers"})
+        marker_attributes = {"units": "m", "long_name": f"{material}, markers"}
+        coordinates["marker_s"] = ("marker", scene.output.markers, marker_attributes)
     return coordinates
 
 
-def _attributes(scene: Scene, model: CableModel, attributes: dict[str, object]) -> dict[str, object]:
+def _attributes(scene: Scene, model: CableModel, attributes: Mapping[str, object]) -> dict[str, object]:
     now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     return {
         "Conventions": CONVENTIONS,

@@ -213,7 +213,11 @@ READING = {
     ),
     "key twice": ("gravity: 9.81", "gravity: 9.81\nname: again", "name", "given twice, first on line 1"),
     "no markers": (INITIAL, "initial: {shape: markers}", "initial", "neither `arc` nor `file`"),
-    "markers without positions": (INITIAL, "initial: {shape: markers, arc: [0, 3]}", "lacks `positions`"),
+    "markers without positions": (
+        INITIAL,
+        "initial: {shape: markers, arc: [0, 3]}",
+        "neither `positions` nor `file`",
+    ),
     "markers without arc column": (INITIAL, "initial: {shape: markers, file: x.csv}", "lacks `arc_column`"),
     "unknown channel": (END_B, ROV.replace("yaw]", "yow]"), "ends.b.channels[1]", "'yow'", "'yaw'"),
     "channel twice": (

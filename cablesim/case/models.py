@@ -514,18 +514,12 @@ class MarkersStart(Part):
     @model_validator(mode="after")
     def _one_source(self) -> MarkersStart:
         _one_of(self, "arc", "file")
-        missing = None
-        if self.arc is not None and self.positions is None:
-            missing = "positions"
-        elif self.file is not None and self.positions is not None:
-            _one_of(self, "positions", "file")
-        elif self.file is not None:
-            missing = None if self.arc_column is not None else "arc_column"
-        if missing:
+        _one_of(self, "positions", "file")
+        if self.file is not None and self.arc_column is None:
             raise PydanticCustomError(
                 "one_of",
                 "{message}",
-                {"message": f"lacks `{missing}`", "remedy": f"Add `{missing}` for the markers."},
+                {"message": "lacks `arc_column`", "remedy": "Name the column of the material coordinates."},
             )
         return self
 

@@ -3,7 +3,7 @@
 Depends on: nothing of ours.
 """
 
-from cablesim.integrate.protocol import Equations, Integrator, Status
 from cablesim.integrate.ida import IdaIntegrator
+from cablesim.integrate.protocol import Equations, Integrator, Status
 
 __all__ = ["Equations", "IdaIntegrator", "Integrator", "Status"]

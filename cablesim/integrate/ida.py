@@ -173,12 +173,12 @@ class _BandedFactors:
         self._factored_c_j = c_j
         self._lu, self._pivots, _ = dgbtrf(self._band, self._lower, self._upper)
 
-    def solve(self, _t, _y, _yp, _res, right, out, c_j, _delta) -> None:  # noqa: ANN001
+    def solve(self, _t, _y, _yp, _res, right, out, c_j, _delta) -> None:
         """Solve with the factors."""
         out[:] = dgbtrs(self._lu, self._lower, self._upper, right, self._pivots)[0]
         out *= 2.0 / (1.0 + c_j / self._factored_c_j)
 
-    def times(self, _t, _y, _yp, _res, vector, out, c_j) -> None:  # noqa: ANN001
+    def times(self, _t, _y, _yp, _res, vector, out, c_j) -> None:
         """Jacobian times a vector, by diagonals."""
         out[:] = 0.0
         size = vector.size

@@ -44,8 +44,8 @@ _SENTENCES = {
         "tolerance is below what rounding allows; try a larger relative_tolerance."
     ),
     Status.CONVERGENCE_FAILURE: (
-        "Newton's iteration did not converge at the smallest step: look at the shape near the node named; a finer "
-        "mesh there, more structural_damping or a little bending_stiffness usually helps."
+        "Newton's iteration did not converge at the smallest step: look at the shape near the node named; "
+        "a finer mesh there, more structural_damping or a little bending_stiffness usually helps."
     ),
     Status.NOT_FINITE: "A number that is not finite appeared; the last good state is kept.",
     Status.TIME_LIMIT: "The wall-clock limit simulation.time_limit was reached; what was computed is kept.",

@@ -25,9 +25,12 @@ positions as extra unknowns the same runs took longer (README, design notes).
 
 from __future__ import annotations
 
+import contextlib
+import logging
 import math
+import threading
+from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numba
@@ -61,23 +64,26 @@ from cablesim.physics.parameters import (
 TINY = 1e-30  # keeps 0/0 out of directions; far below any square that matters
 FOLDED = 1e-9  # 1 + cos of a joint folded back on itself, where the moment would be infinite
 
+log = logging.getLogger("cablesim")
+
 _f8, _i8 = numba.float64, numba.int64
 _READ_ONLY = numba.types.Array(_f8, 1, "C", readonly=True)
 SIGNATURE = numba.void(_f8, _READ_ONLY, _READ_ONLY, _f8, _f8[::1], _i8, _i8, _i8, _f8[::1])
 
 
 class Equations(NamedTuple):
-    """Compiled functions of one set of features, both called as
-    ``function(t, y, yp, c_j, out, base, row_stride, column_stride, buffer)``, the buffer being made by
-    `physics.parameters.pack`.
+    """Compiled functions of one set of features.
+
+    Both are called as ``function(t, y, yp, c_j, out, base, row_stride, column_stride, buffer)``, the
+    buffer being made by `physics.parameters.pack`.
 
     ``residual`` fills ``out`` with F and ignores c_j and the strides; ``jacobian`` writes the band of
     dF/dY + c_j dF/dY' to ``out[base + i row_stride + j column_stride]``, so that a full matrix and
     band storage are served alike.
     """
 
-    residual: object
-    jacobian: object
+    residual: Callable[..., None]
+    jacobian: Callable[..., None]
 
 
 @numba.njit(cache=True, error_model="numpy", inline="never")
@@ -111,7 +117,19 @@ def views(buffer):
     z = buffer[a:b]
     velocity = buffer[b:].reshape((h[19], h[20], h[21], h[22], h[23]))
     return Parameters(
-        segments, nodes, constants, breaks_a, coefficients_a, breaks_b, coefficients_b, clamps, times, x, y, z, velocity
+        segments,
+        nodes,
+        constants,
+        breaks_a,
+        coefficients_a,
+        breaks_b,
+        coefficients_b,
+        clamps,
+        times,
+        x,
+        y,
+        z,
+        velocity,
     )
 
 
@@ -171,15 +189,20 @@ def water_motion(kind, t, place, times, x, y, z, table, velocity, acceleration):
             acceleration += weight * (rate if dn else -rate) * u
 
 
-def compiled_before() -> bool:
-    """Whether compiled equations lie in numba's cache, so that no long compilation is to be expected."""
-    return any(assemble_cache_files())
-
-
-def assemble_cache_files() -> list[Path]:
-    """Files of numba's cache that hold compiled equations."""
-    folder = Path(numba.config.CACHE_DIR) if numba.config.CACHE_DIR else Path(__file__).parent / "__pycache__"
-    return list(folder.rglob("equations.compile_equations*.nbc"))
+@contextlib.contextmanager
+def _announced():
+    """Say that compilation is under way when it is not over, or loaded from the cache, within a second."""
+    timer = threading.Timer(
+        1.0,
+        log.info,
+        ["Compiling the equations for this kind of scene (once, some 5 s; kept for later runs) ..."],
+    )
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 @cache
@@ -264,7 +287,8 @@ def compile_equations(features: Features) -> Equations:
                         # compatibility (3), integrated over the segment: linear
                         out[iq + c] = yp[iq + c] - (y[iv1 + c] - y[iv + c]) / l_ref
                     # rate of tension: (3) along t, tied slowly to the chord's length
-                    out[iT] = yp[iT] / EA - stretching / l - beta * (chord[e] * l_ref / l - 1.0 - T / EA)
+                    strain = chord[e] * l_ref / l - 1.0
+                    out[iT] = yp[iT] / EA - stretching / l - beta * (strain - T / EA)
                 else:
                     dforce = 1.0
                     if DAMPING:
@@ -295,7 +319,8 @@ def compile_equations(features: Features) -> Equations:
             # --- joints: shear from the angular momentum theorem (4), (5) ---------------------------
             # Q_e = t_e x (M_(e+1) - M_e)/|chord|, with M_j = k t_(j-1) x t_j and
             # k = 2 EI/(lbar (1 + t_(j-1).t_j)), written without cross products:
-            # joint j adds -k (t_(j-1) - c t_j)/|chord_j| to Q_j, and -k (t_j - c t_(j-1))/|chord_(j-1)| to Q_(j-1)
+            # joint j adds -k (t_(j-1) - c t_j)/|chord_j| to Q_j,
+            # and -k (t_j - c t_(j-1))/|chord_(j-1)| to Q_(j-1)
             if BENDING:
                 first = 0 if CLAMP_A else 1
                 last = n if CLAMP_B else n - 1
@@ -396,7 +421,16 @@ def compile_equations(features: Features) -> Equations:
                             place[c] -= y[e * CELL + D + 1 + c] * p.segments[e, REFERENCE_LENGTH]
             elif MOVING_WATER:
                 water_motion(
-                    CURRENT, t, place, p.current_times, p.current_x, p.current_y, p.current_z, p.current_velocity, U, A
+                    CURRENT,
+                    t,
+                    place,
+                    p.current_times,
+                    p.current_x,
+                    p.current_y,
+                    p.current_z,
+                    p.current_velocity,
+                    U,
+                    A,
                 )
             for j in range(n + 1):
                 iv = j * CELL
@@ -407,7 +441,16 @@ def compile_equations(features: Features) -> Equations:
                     continue
                 if NEEDS_PLACE:
                     water_motion(
-                        CURRENT, t, place, p.current_times, p.current_x, p.current_y, p.current_z, p.current_velocity, U, A
+                        CURRENT,
+                        t,
+                        place,
+                        p.current_times,
+                        p.current_x,
+                        p.current_y,
+                        p.current_z,
+                        p.current_velocity,
+                        U,
+                        A,
                     )
                 mass, weight = p.nodes[j, MASS], p.nodes[j, WET_WEIGHT]
                 m_n, m_t = p.nodes[j, ADDED_NORMAL], p.nodes[j, ADDED_TANGENTIAL]
@@ -502,5 +545,5 @@ def compile_equations(features: Features) -> Equations:
 
         return numba.njit(SIGNATURE, cache=True, error_model="numpy")(assemble)
 
-    assemble_residual, assemble_jacobian = build(False), build(True)
-    return Equations(assemble_residual, assemble_jacobian)
+    with _announced():
+        return Equations(residual=build(False), jacobian=build(True))

@@ -1,4 +1,4 @@
-"""Where each unknown stands in the state vector Y: the one place that knows.
+r"""Where each unknown stands in the state vector Y: the one place that knows.
 
 Depends on: nothing of ours.
 

@@ -13,7 +13,7 @@ from scipy.linalg import solve_banded
 
 from cablesim.mesh import Mesh
 from cablesim.motion import Motion
-from cablesim.physics.equations import compile_equations, end_motion
+from cablesim.physics.equations import Equations, compile_equations, end_motion
 from cablesim.physics.layout import StateLayout
 from cablesim.physics.needs import Frame, scene_features
 from cablesim.physics.parameters import (
@@ -23,7 +23,6 @@ from cablesim.physics.parameters import (
     DRAG_POINT,
     DRAG_TANGENTIAL,
     FLUID_MASS,
-    LENGTH,
     MASS,
     REFERENCE_LENGTH,
     WET_WEIGHT,
@@ -63,6 +62,7 @@ class CableModel:
     frame: Frame
     parameters: Parameters
     _buffer: Array
+    _equations: Equations
 
     @property
     def bandwidths(self) -> tuple[int, int]:
@@ -80,15 +80,15 @@ class CableModel:
     def with_parameters(self, parameters: Parameters) -> CableModel:
         """The same equations with other numbers (a copy)."""
         buffer, views = pack(parameters)
-        return CableModel(self.layout, self.features, self.frame, views, buffer)
+        return CableModel(self.layout, self.features, self.frame, views, buffer, self._equations)
 
     def residual(self, t: float, y: Array, yp: Array, out: Array) -> None:
         """Write F(t, Y, Y') to `out`, shape (size,)."""
-        self.equations.residual(t, y, yp, 0.0, out, 0, 0, 0, self._buffer)
+        self._equations.residual(t, y, yp, 0.0, out, 0, 0, 0, self._buffer)
 
     def jacobian(self, t: float, y: Array, yp: Array, c_j: float, out: Array) -> None:
         """Write the band of dF/dY + c_j dF/dY' to the full matrix `out`, shape (size, size)."""
-        self.equations.jacobian(t, y, yp, c_j, out.reshape(-1), 0, y.size, 1, self._buffer)
+        self._equations.jacobian(t, y, yp, c_j, out.reshape(-1), 0, y.size, 1, self._buffer)
 
     def band_jacobian(self, t: float, y: Array, yp: Array, c_j: float, rows_above: int = 0) -> Array:
         """dF/dY + c_j dF/dY' in LAPACK band storage, shape (rows_above + lower + upper + 1, size).
@@ -98,13 +98,8 @@ class CableModel:
         lower, upper = self.bandwidths
         band = np.zeros((rows_above + lower + upper + 1, y.size))
         base = (rows_above + upper) * y.size
-        self.equations.jacobian(t, y, yp, c_j, band.reshape(-1), base, y.size, 1 - y.size, self._buffer)
+        self._equations.jacobian(t, y, yp, c_j, band.reshape(-1), base, y.size, 1 - y.size, self._buffer)
         return band
-
-    @property
-    def equations(self):  # noqa: ANN201 - compiled functions have no useful type
-        """The compiled functions."""
-        return compile_equations(self.features)
 
     def impose_end_velocities(self, t: float, y: Array) -> None:
         """Set the velocities of prescribed ends in `y` to what their rows ask for at `t`."""
@@ -219,8 +214,7 @@ def build_model(scene: Scene, mesh: Mesh, frame: Frame) -> CableModel:
     )
     buffer, views = pack(parameters)
     layout = StateLayout(frame.dimension, mesh.segments)
-    assert views.segments.shape[1] == 1 + max(LENGTH, REFERENCE_LENGTH)
-    return CableModel(layout, features, frame, views, buffer)
+    return CableModel(layout, features, frame, views, buffer, compile_equations(features))
 
 
 def _node_table(scene: Scene, mesh: Mesh) -> Array:

@@ -85,13 +85,15 @@ def scene_frame(scene: Scene, directions: Array) -> Frame:
         return SPACE
     origin = _origin(scene)
     horizontal = np.concatenate(
-        [directions, *(_end_vectors(end, origin) for end in (scene.end_a, scene.end_b)), _current_vectors(scene)]
+        [
+            directions,
+            *(_end_vectors(end, origin) for end in (scene.end_a, scene.end_b)),
+            _current_vectors(scene),
+        ]
     )[:, :2]
     lengths = np.linalg.norm(horizontal, axis=1)
-    if lengths.max() <= IN_PLANE:
-        axis = np.array([1.0, 0.0])
-    else:
-        axis = horizontal[lengths.argmax()] / lengths.max()
+    vertical = lengths.max() <= IN_PLANE
+    axis = np.array([1.0, 0.0]) if vertical else horizontal[lengths.argmax()] / lengths.max()
     across = np.abs(horizontal @ [-axis[1], axis[0]])
     if across.max() > IN_PLANE * max(lengths.max(), 1.0):
         return SPACE

@@ -15,7 +15,9 @@ Array = NDArray[np.float64]
 
 # Columns of Parameters.segments and Parameters.nodes, and entries of Parameters.constants.
 LENGTH, REFERENCE_LENGTH = range(2)
-MASS, ADDED_NORMAL, ADDED_TANGENTIAL, WET_WEIGHT, DRAG_NORMAL, DRAG_TANGENTIAL, DRAG_POINT, FLUID_MASS = range(8)
+MASS, ADDED_NORMAL, ADDED_TANGENTIAL, WET_WEIGHT, DRAG_NORMAL, DRAG_TANGENTIAL, DRAG_POINT, FLUID_MASS = (
+    range(8)
+)
 EA_, EI_, TAU_, BETA_, KAPPA_ = range(5)
 
 STILL, UNIFORM, PROFILE, GRIDDED = range(4)

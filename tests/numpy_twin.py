@@ -1,0 +1,184 @@
+"""The equations of the cable in plain NumPy, in three dimensions, from the table of the design notes.
+
+Written to be read against that table: arrays over nodes and segments, cross products for the
+moments, places of the nodes always known.  Slow, and of use only to check the compiled equations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import RegularGridInterpolator
+
+from cablesim.mesh import Mesh
+from cablesim.scene import GriddedCurrent, ProfileCurrent, Scene, StillWater, UniformCurrent
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Node velocities (n+1, 3), tensions (n,), chords over unstretched lengths (n, 3), place of B (3,)."""
+
+    V: Array
+    T: Array
+    q: Array
+    w: Array
+
+
+def residual(scene: Scene, mesh: Mesh, t: float, state: Unknowns, rate: Unknowns) -> Unknowns:
+    """Rows of F, named after the unknowns in whose place they stand."""
+    tangent = unit(state.q)
+    balance = inertia_drag_and_weight(scene, mesh, t, state, rate)
+    tau = scene.cable.structural_damping
+    force = (state.T + tau * rate.T)[:, None] * tangent + shear(scene, mesh, state.q)
+    balance[:-1] -= force
+    balance[1:] += force
+    return Unknowns(
+        V=held_ends(scene, t, state, balance),
+        T=tension_rows(scene, mesh, state, rate),
+        q=rate.q - np.diff(state.V, axis=0) / mesh.lengths[:, None],
+        w=rate.w - state.V[-1] + end_velocity(scene.end_a, t),
+    )
+
+
+def tension_rows(scene: Scene, mesh: Mesh, state: Unknowns, rate: Unknowns) -> Array:
+    """Compatibility along the tangent, and the feedback that ties T to the length of the chord."""
+    EA, beta = scene.cable.axial_stiffness, scene.numerics.strain_feedback
+    stretching = np.sum(np.diff(state.V, axis=0) * unit(state.q), axis=1)
+    strain = np.linalg.norm(state.q, axis=1) - 1.0
+    return rate.T / EA - stretching / mesh.lengths - beta * (strain - state.T / EA)
+
+
+def held_ends(scene: Scene, t: float, state: Unknowns, balance: Array) -> Array:
+    """Balance of forces, but for the rows of prescribed ends."""
+    rows = balance.copy()
+    if scene.end_a.motion is not None:
+        rows[0] = state.V[0] - scene.end_a.motion.velocity(t)
+    if scene.end_b.motion is not None:
+        gap = scene.end_b.motion.position(t) - place_of_a(scene, t) - state.w
+        rows[-1] = state.V[-1] - scene.end_b.motion.velocity(t) - scene.numerics.closure_feedback * gap
+    return rows
+
+
+# Bending ------------------------------------------------------------------------------------------
+
+
+def joint_tangents(scene: Scene, q: Array) -> tuple[Array, Array]:
+    """Tangents before and after each of the n+1 joints; a ball joint goes straight on."""
+    tangent = unit(q)
+    first = tangent[0] if scene.end_a.clamp is None else scene.end_a.clamp
+    last = tangent[-1] if scene.end_b.clamp is None else scene.end_b.clamp
+    return np.vstack((first, tangent)), np.vstack((tangent, last))
+
+
+def moments(scene: Scene, mesh: Mesh, q: Array) -> Array:
+    """M_j = 2 EI (t_(j-1) x t_j) / (1 + t_(j-1).t_j) / lbar_j."""
+    before, after = joint_tangents(scene, q)
+    opening = (1.0 + np.sum(before * after, axis=1)) * mesh.node_lengths
+    return 2.0 * scene.cable.bending_stiffness * np.cross(before, after) / opening[:, None]
+
+
+def shear(scene: Scene, mesh: Mesh, q: Array) -> Array:
+    """Q_e = t_e x (M_(e+1) - M_e) / stretched length."""
+    length = np.linalg.norm(q, axis=1) * mesh.lengths
+    return np.cross(unit(q), np.diff(moments(scene, mesh, q), axis=0)) / length[:, None]
+
+
+def bending_energy(scene: Scene, mesh: Mesh, q: Array) -> float:
+    """Its derivative by the angle a between two segments is |M_j| = 2 EI tan(a/2) / lbar."""
+    before, after = joint_tangents(scene, q)
+    angle = np.arctan2(np.linalg.norm(np.cross(before, after), axis=1), np.sum(before * after, axis=1))
+    return float(np.sum(-4.0 * scene.cable.bending_stiffness / mesh.node_lengths * np.log(np.cos(angle / 2))))
+
+
+# Nodes --------------------------------------------------------------------------------------------
+
+
+def inertia_drag_and_weight(scene: Scene, mesh: Mesh, t: float, state: Unknowns, rate: Unknowns) -> Array:
+    """All of the balance of forces that does not come from the segments' pull."""
+    cable, rho = scene.cable, scene.water.density
+    length = mesh.node_lengths[:, None]
+    tangent = node_tangents(state.q)
+    U, A = water(scene, t, places(scene, mesh, t, state))
+    v_n, v_t = split(state.V - U, tangent)
+    a_n, a_t = split(rate.V - A, tangent)
+    fluid = rho * cable.displaced_section * length
+    rows = cable.mass_per_length * length * rate.V - fluid * A
+    rows += fluid * (cable.added_mass_normal * a_n + cable.added_mass_tangential * a_t)
+    rows += 0.5 * rho * cable.drag_normal * cable.diameter * length * size(v_n) * v_n
+    rows += 0.5 * rho * cable.drag_tangential * np.pi * cable.diameter * length * size(v_t) * v_t
+    rows += cable.wet_weight * length * np.array([0.0, 0.0, 1.0])
+    for attachment, j in zip(scene.attachments, mesh.attachment_nodes, strict=True):
+        v, displaced = state.V[j] - U[j], rho * attachment.volume
+        rows[j] += attachment.mass * rate.V[j] - displaced * A[j]
+        rows[j] += attachment.added_mass * displaced * (rate.V[j] - A[j])
+        rows[j] += 0.5 * rho * attachment.drag_area * np.linalg.norm(v) * v
+        rows[j, 2] += (attachment.mass - displaced) * scene.gravity
+    return rows
+
+
+def node_tangents(q: Array) -> Array:
+    """Mean tangent of the neighbouring segments."""
+    tangent = unit(q)
+    return unit(np.vstack((tangent, np.zeros(3))) + np.vstack((np.zeros(3), tangent)))
+
+
+def places(scene: Scene, mesh: Mesh, t: float, state: Unknowns) -> Array:
+    """Nodes: from A on, or back from B when A is free."""
+    steps = np.cumsum(mesh.lengths[:, None] * state.q, axis=0)
+    from_a = np.vstack((np.zeros(3), steps))
+    if scene.end_a.motion is None:
+        return state.w - from_a[-1] + from_a
+    return place_of_a(scene, t) + from_a
+
+
+def place_of_a(scene: Scene, t: float) -> Array:
+    """Place of end A, or the origin when it is free."""
+    return np.zeros(3) if scene.end_a.motion is None else scene.end_a.motion.position(t)
+
+
+def end_velocity(end, t: float) -> Array:
+    """Prescribed velocity of an end, nought when it is free."""
+    return np.zeros(3) if end.motion is None else end.motion.velocity(t)
+
+
+def water(scene: Scene, t: float, nodes: Array) -> tuple[Array, Array]:
+    """Velocity of the water and its rate at a fixed place, at each node."""
+    current, still = scene.water.current, np.zeros_like(nodes)
+    if isinstance(current, StillWater):
+        return still, still
+    if isinstance(current, UniformCurrent):
+        return still + current.velocity, still
+    if isinstance(current, ProfileCurrent):
+        columns = [np.interp(nodes[:, 2], current.heights, column) for column in current.velocities.T]
+        return np.stack(columns, axis=1), still
+    assert isinstance(current, GriddedCurrent)
+    return gridded(current, t, nodes)
+
+
+def gridded(current: GriddedCurrent, t: float, nodes: Array) -> tuple[Array, Array]:
+    """Interpolate each stored instant in space, then in time; t must lie within the times."""
+    grid = (current.x, current.y, current.z)
+    inside = np.stack([np.clip(nodes[:, k], grid[k][0], grid[k][-1]) for k in range(3)], axis=1)
+    fields = np.stack([RegularGridInterpolator(grid, table)(inside) for table in current.velocities])
+    after = int(np.searchsorted(current.times, t, side="right"))
+    t0, t1 = current.times[after - 1], current.times[after]
+    slope = (fields[after] - fields[after - 1]) / (t1 - t0)
+    return fields[after - 1] + (t - t0) * slope, slope
+
+
+def split(vectors: Array, tangent: Array) -> tuple[Array, Array]:
+    """Parts normal to and along the tangents."""
+    along = np.sum(vectors * tangent, axis=1, keepdims=True) * tangent
+    return vectors - along, along
+
+
+def size(vectors: Array) -> Array:
+    return np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def unit(vectors: Array) -> Array:
+    return vectors / size(vectors)
