@@ -19,6 +19,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import partial
 from logging.handlers import QueueHandler, QueueListener
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -101,10 +102,10 @@ class Watcher:
     """Told how the runs go, by their index; this one does nothing."""
 
     def progressed(self, index: int, time: float, duration: float) -> None:
-        """A run came to `time` of `duration` [s]."""
+        """Learn that a run came to `time` of `duration` [s]."""
 
     def finished(self, index: int, summary: RunSummary) -> None:
-        """A run ended."""
+        """Learn that a run ended."""
 
 
 def run_many(
@@ -182,8 +183,10 @@ def check_writable(file: Path) -> None:
     """Raise an `OutputError` unless `file` can be written."""
     folder = file.parent
     if not folder.is_dir():
-        what = "is not a folder" if folder.exists() else "does not exist"
-        raise OutputError(f"cannot write {file}: {folder} {what}. Create it, or name another.")
+        what = (
+            "is not a folder. Name one" if folder.exists() else "does not exist. Create it, or name another"
+        )
+        raise OutputError(f"cannot write {file}: {folder} {what}.")
     if file.is_dir():
         raise OutputError(f"cannot write {file}: it is a folder. Name a file in it.")
     if file.exists() and not os.access(file, os.W_OK):
@@ -209,7 +212,7 @@ def _one_after_the_other(runs: Sequence[Run], watcher: Watcher) -> list[RunSumma
         if summaries and summaries[-1].outcome is Outcome.INTERRUPTED:
             summary = _not_started(run)
         else:
-            summary = _execute(run, lambda now, end, index=index: watcher.progressed(index, now, end))
+            summary = _execute(run, partial(watcher.progressed, index))
         watcher.finished(index, summary)
         summaries.append(summary)
     return summaries
@@ -357,8 +360,11 @@ def load_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
     """
     from cablesim.build import build_scene
 
-    with Path(path).open("rb"):  # a file that cannot be read is not a case that is wrong
-        pass
+    try:
+        with Path(path).open("rb"):
+            pass
+    except OSError as error:  # a file that cannot be read is not a case that is wrong
+        raise OSError(f"{path}: {error.strerror or error}. Name a case file (YAML).") from None
     overrides = tuple(overrides)
     if not overrides:
         from cablesim.case import load_case
@@ -467,8 +473,7 @@ def _work(index: int, run: Run) -> RunSummary:
     assert _board is not None
     if _board.stopping:
         return _not_started(run)
-    board = _board
-    return _execute(run, lambda now, duration: board.set(index, now, duration))
+    return _execute(run, partial(_board.set, index))
 
 
 def _mask_interrupts(how: str) -> None:
@@ -495,19 +500,19 @@ class _SideBySide:
         listener = QueueListener(queue, _Relay())
         listener.start()
         try:
-            with (
-                ProcessPoolExecutor(
-                    self._jobs,
-                    mp_context=self._context,
-                    initializer=_start_worker,
-                    initargs=(self._board, queue),
-                ) as pool,
-                self._handling_interrupts(),
-            ):
+            with self._pool(queue) as pool, self._handling_interrupts():
                 self._wait(self._submit(pool))
         finally:
             listener.stop()
         return [self._summaries[index] for index in range(len(self._runs))]
+
+    def _pool(self, queue: Any) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(
+            self._jobs,
+            mp_context=self._context,
+            initializer=_start_worker,
+            initargs=(self._board, queue),
+        )
 
     def _submit(self, pool: ProcessPoolExecutor) -> dict[Future[RunSummary], int]:
         """Hand out the work; the processes, which start now, must not see Ctrl-C before they ignore it."""

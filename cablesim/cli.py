@@ -18,6 +18,7 @@ variable ``CABLESIM_DEBUG`` set, the log is shown in full.
 
 from __future__ import annotations
 
+import _thread
 import functools
 import logging
 import os
@@ -40,8 +41,8 @@ if TYPE_CHECKING:
     from cablesim.simulation import Simulation
 
 EXIT_CODES = (
-    "Exit codes: 0 all completed; 1 a run stopped before its end (the file with what was computed is written); "
-    "2 a case or the command line was refused; 3 a file could not be read or written; "
+    "Exit codes: 0 all completed; 1 a run stopped before its end (the file with what was computed is "
+    "written); 2 a case or the command line was refused; 3 a file could not be read or written; "
     "130 interrupted by Ctrl-C (the file with what was computed is written)."
 )
 
@@ -90,7 +91,9 @@ Overrides = Annotated[
 def _console(*, stderr: bool = False) -> Console:
     from rich.console import Console
 
-    return Console(stderr=stderr, highlight=False, markup=False, emoji=False, soft_wrap=True)
+    stream = sys.stderr if stderr else sys.stdout
+    width = None if stream.isatty() else 1000  # a pipe has no edge at which to fold a table
+    return Console(stderr=stderr, width=width, highlight=False, markup=False, emoji=False, soft_wrap=True)
 
 
 def _say(text: Any) -> None:
@@ -135,12 +138,20 @@ def _show_log(*, quiet: bool = False) -> None:
     log.setLevel(logging.DEBUG if debug else logging.WARNING if quiet else logging.INFO)
 
 
+def _pass_over(failure: Any) -> None:
+    """Keep quiet about errors in clean-up, as of an interrupted compiler, but do not lose a Ctrl-C to one."""
+    if issubclass(failure.exc_type, KeyboardInterrupt):
+        _thread.interrupt_main()
+    logging.getLogger("cablesim").debug("%s", failure.exc_value)
+
+
 def _guarded(command: Callable[..., None]) -> Callable[..., None]:
     """Turn whatever a command raises into a message and an exit code."""
 
     @functools.wraps(command)
     def guarded(*args: Any, **kwargs: Any) -> None:
         _show_log(quiet=kwargs.get("quiet", False))
+        sys.unraisablehook = _pass_over
         try:
             with _odd_things_shown():
                 command(*args, **kwargs)
@@ -190,14 +201,14 @@ def new(
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it is there.")] = False,
 ) -> None:
     """Write a commented case to start from."""
-    from cablesim.batch import OutputError, check_writable
+    from cablesim.batch import OutputError
     from cablesim.starters import starter_text
 
     file = Path(f"{starter}.yaml") if file is None else file
     if file.exists() and not force:
         raise OutputError(f"{file} is already there. Choose another name, or overwrite it with --force.")
-    check_writable(file)
-    file.write_text(starter_text(starter, str(file), file.stem), encoding="utf-8")
+    with _writing(file):
+        file.write_text(starter_text(starter, str(file), file.stem), encoding="utf-8")
     _say(f"{file} written; next: cablesim run {file}")
 
 
@@ -310,7 +321,8 @@ def plot(
     kinds = figure.canvas.get_supported_filetypes()
     if output.suffix[1:].lower() not in kinds:
         raise OutputError(f"cannot write {output}: its name must end in one of {', '.join(sorted(kinds))}.")
-    figure.savefig(output)
+    with _writing(output):
+        figure.savefig(output)
     _say(f"{output} written")
 
 
@@ -330,7 +342,10 @@ def export(
     folder = Path(f"{result.stem}_{format}") if output is None else output
     check_writable(folder / "file" if folder.exists() else folder)
     dataset = _read_result(result)
-    files = export_csv(dataset, folder) if format is Format.CSV else export_vtk(dataset, folder, result.stem)
+    with _writing(folder / "file" if folder.exists() else folder):
+        files = (
+            export_csv(dataset, folder) if format is Format.CSV else export_vtk(dataset, folder, result.stem)
+        )
     what = (
         f"{files[0].name} and {len(files) - 1} more" if len(files) > 6 else ", ".join(f.name for f in files)
     )
@@ -345,15 +360,14 @@ def schema(
     """Write the JSON Schema of case files, for editors."""
     import json
 
-    from cablesim.batch import check_writable
     from cablesim.case import case_schema
 
     text = json.dumps(case_schema(), indent=2, ensure_ascii=False)
     if output is None:
         _say(text)
         return
-    check_writable(output)
-    output.write_text(text + "\n", encoding="utf-8")
+    with _writing(output):
+        output.write_text(text + "\n", encoding="utf-8")
     _say(f"{output} written")
 
 
@@ -366,8 +380,20 @@ def _initialised(scene: Scene) -> Simulation:
     return Simulation(scene)
 
 
+@contextmanager
+def _writing(file: Path) -> Iterator[None]:
+    """Check that a file can be written, and name it when that fails half-way."""
+    from cablesim.batch import OutputError, check_writable
+
+    check_writable(file)
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(f"cannot write {file}: {error.strerror or error}. Is the disk full?") from None
+
+
 def _dataset_at_start(simulation: Simulation) -> xr.Dataset:
-    """Result of no duration: the initial state alone."""
+    """Make a result of no duration: the initial state alone."""
     import numpy as np
 
     from cablesim.trajectory import History, build_dataset
@@ -485,24 +511,26 @@ def _result_line(summary: RunSummary) -> str:
 
 
 def _summary_table(summaries: list[RunSummary]) -> Any:
-    table = _table("case", "status", "simulated [s]", "wall [s]", "x real time", "residual calls", "file")
+    table = _table("case", "status", "simulated", "wall", "x real time", "file")
     for summary in summaries:
-        numbers = ["", "", "", ""]
+        numbers = ["", "", ""]
         if summary.file is not None:
             numbers = [
-                f"{summary.simulated_seconds:g}",
-                f"{summary.wall_seconds:.3g}",
+                f"{summary.simulated_seconds:g} s",
+                f"{summary.wall_seconds:.3g} s",
                 f"{summary.real_time_factor:.3g}",
-                f"{summary.residual_calls}",
             ]
-        table.add_row(str(summary.case), summary.status, *numbers, str(summary.file or "-"))
+        table.add_row(summary.case.stem, summary.status, *numbers, str(summary.file or "-"))
     return table
 
 
 @contextmanager
 def _watcher(cases: list[Path], *, quiet: bool) -> Iterator[Any]:
-    """What shows the runs: with bars on a terminal."""
+    """Make what shows the runs: with bars on a terminal."""
     from cablesim.batch import Outcome, Watcher
+
+    bars = sys.stderr.isatty() and not quiet
+    say = _tell if bars and sys.stdout.isatty() else _say  # above the bars, not across them
 
     class Reporter(Watcher):
         """Says how each run ended."""
@@ -511,14 +539,14 @@ def _watcher(cases: list[Path], *, quiet: bool) -> Iterator[Any]:
             for text in summary.warnings:
                 _tell(f"warning: {summary.case}: {text}", style="yellow")
             if not quiet:
-                _say(_result_line(summary))
+                say(_result_line(summary))
             if summary.outcome is not Outcome.COMPLETED:
                 _tell(summary.message, style="red")
 
-    if quiet or not sys.stderr.isatty():
+    if not bars:
         yield Reporter()
         return
-    with _bars() as progress:
+    with _progress() as progress:
 
         class Bars(Reporter):
             """Also shows how far each run is."""
@@ -539,7 +567,7 @@ def _watcher(cases: list[Path], *, quiet: bool) -> Iterator[Any]:
         yield Bars()
 
 
-def _bars() -> Any:
+def _progress() -> Any:
     """Bars with simulated time and real-time factor."""
     from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
     from rich.text import Text
@@ -548,18 +576,17 @@ def _bars() -> Any:
         """Simulated over wall-clock time."""
 
         def render(self, task: Task) -> Text:
-            return Text(f"{task.completed / task.elapsed:.3g} x real time" if task.elapsed else "")
+            elapsed = task.finished_time or task.elapsed
+            return Text(f"{task.completed / elapsed:.3g} x real time" if elapsed else "")
 
-    columns = ("{task.description}", "{task.completed:.4g} of {task.total:g} s")
     return Progress(
-        TextColumn(columns[0]),
+        TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn(columns[1]),
+        TextColumn("{task.completed:.4g} of {task.total:g} s"),
         Pace(),
         console=_console(stderr=True),
         transient=True,
         redirect_stdout=False,
-        redirect_stderr=False,
     )
 
 

@@ -127,9 +127,8 @@ def _header(name: str, variable: xr.DataArray) -> str:
 
 
 def _write_table(table: dict[str, NDArray], file: Path) -> None:
-    import pandas as pd
-
-    pd.DataFrame(table).to_csv(file, index=False, lineterminator="\n")
+    frame = xr.Dataset({name: ("row", values) for name, values in table.items()}).to_dataframe()
+    frame.to_csv(file, index=False, lineterminator="\n")
 
 
 # VTK --------------------------------------------------------------------------------------------
@@ -190,7 +189,7 @@ def _polydata(dataset: xr.Dataset) -> Iterator[str]:
 
 
 def _document(places: Array, point_data: dict[str, Array], cell_data: dict[str, Array]) -> str:
-    there = np.isfinite(places).all(axis=1)
+    there: NDArray[np.bool_] = np.asarray(np.isfinite(places).all(axis=1))
     both = there[:-1] & there[1:]
     number = np.cumsum(there) - 1
     lines = np.stack([number[:-1], number[1:]], axis=1)[both]
@@ -221,7 +220,7 @@ def _document(places: Array, point_data: dict[str, Array], cell_data: dict[str, 
 
 
 def _data_array(name: str, values: NDArray) -> str:
-    """A DataArray in VTK's inline binary form: size in bytes, then the bytes, in base64."""
+    """Write a DataArray in VTK's inline binary form: size in bytes, then the bytes, in base64."""
     kind, code = ("Float64", "<f8") if values.dtype.kind == "f" else ("Int64", "<i8")
     raw = np.ascontiguousarray(values, dtype=code).tobytes()
     text = base64.b64encode(np.array([len(raw)], dtype="<u8").tobytes() + raw).decode("ascii")

@@ -78,7 +78,8 @@ def plot_run(dataset: xr.Dataset) -> Figure:
         raise PlotError(missing_variable(dataset, "position"))
     figure = figure_class(figsize=(16, 10), dpi=100, layout="constrained")
     figure.suptitle(_title(dataset))
-    top, bottom = figure.subfigures(2, 1, height_ratios=[1.45, 1])
+    parts: Any = figure.subfigures(2, 1, height_ratios=[1.45, 1])
+    top, bottom = parts
     _draw_shapes(top, dataset)
     panels: list[Callable[[Axes, xr.Dataset], None]] = [_draw_tensions]
     if _attachments(dataset) > 1:
@@ -142,7 +143,7 @@ def _draw_shapes(part: Any, dataset: xr.Dataset) -> None:
 
 
 def snapshot_indices(times: Array, position: Array) -> NDArray[np.int64]:
-    """Indices of the times at which the shape is drawn: first, last, and more where it changes faster.
+    """Choose times at which the shape is drawn: first, last, and more where it changes faster.
 
     Parameters
     ----------
@@ -235,7 +236,7 @@ def _mark_attachments(
 
 
 def _write(axes: Axes, text: str, place: tuple[float, float], offset: tuple[int, int], **style: Any) -> None:
-    """A label that stays readable on top of lines."""
+    """Write a label that stays readable on top of lines."""
     from matplotlib.patheffects import withStroke
 
     halo = [withStroke(linewidth=3, foreground="white")]

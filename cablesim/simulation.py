@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import io
 import logging
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -224,7 +225,18 @@ class Simulation:
             self._drive(duration, velocity_a, velocity_b)
         with _quiet():
             status = self._advance(self._time + duration)
-        return self._observe(status)
+        return self.observe(status)
+
+    def observe(self, status: Status = Status.COMPLETED) -> Observation:
+        """The cable now, in the world frame; `status` is kept with it."""
+        layout, frame = self.model.layout, self.model.frame
+        return Observation(
+            self._time,
+            status,
+            frame.places_out(self.model.node_places(self._time, self._y)),
+            frame.vectors_out(layout.node_velocity(self._y)),
+            layout.tension(self._y).copy(),
+        )
 
     def snapshot(self) -> Snapshot:
         """What is needed to come back to this moment."""
@@ -267,6 +279,7 @@ class Simulation:
     def _begin(self, t: float, y: Array, yp: Array | None = None) -> None:
         self._time, self._y = t, y
         self._yp = self.model.consistent_rates(t, y) if yp is None else yp
+        self._look_ahead()
         self._integrator.start(t, self._y, self._yp)
 
     def _input_stops(self) -> list[tuple[float, bool]]:
@@ -278,27 +291,30 @@ class Simulation:
                 stops |= {float(t): True for t in end.motion.jumps}
         return sorted((t, jump) for t, jump in stops.items() if t <= self.scene.duration)
 
-    def _next_stop(self) -> tuple[float, bool]:
+    def _look_ahead(self) -> None:
+        """Find the next stop, and the last time that may be evaluated before it."""
         if any(self._driven):
-            return np.inf, False
-        return next(((t, jump) for t, jump in self._stops if t > self._time), (np.inf, False))
+            self._stop, self._jump = self._driven_until, False
+        else:
+            self._stop, self._jump = next(
+                ((t, jump) for t, jump in self._stops if t > self._time), (np.inf, False)
+            )
+        # the motion after a jump must not be seen before it
+        self._limit = math.nextafter(self._stop, 0.0) if self._jump else self._stop
 
     def _advance(self, t: float) -> Status:
         """Go to `t`, stopping at the corners of the inputs and restarting where velocities jump."""
         while self._time < t:
-            stop, jump = self._next_stop()
-            # the motion after a jump must not be seen before it
-            limit = np.nextafter(stop, 0.0) if jump else min(stop, self._drive_end())
-            status, self._time, self._y, self._yp = self._integrator.advance(min(t, limit), limit)
+            if self._time >= self._limit:
+                self._look_ahead()
+            advance = self._integrator.advance(min(t, self._limit), self._limit)
+            status, self._time, self._y, self._yp = advance
             if status is not Status.COMPLETED:
                 return status
-            if jump and self._time >= limit:
-                self.model.impose_end_velocities(stop, self._y)
-                self._begin(stop, self._y)
+            if self._jump and self._time >= self._limit:
+                self.model.impose_end_velocities(self._stop, self._y)
+                self._begin(self._stop, self._y)
         return Status.COMPLETED
-
-    def _drive_end(self) -> float:
-        return self._driven_until if any(self._driven) else np.inf
 
     def _drive(self, duration: float, velocity_a: ArrayLike | None, velocity_b: ArrayLike | None) -> None:
         """Replace the motion of driven ends by a ramp of velocity over this step."""
@@ -317,6 +333,7 @@ class Simulation:
         self._driven = (driven[0], driven[1])
         self._driven_until = self._time + duration
         self._use(self.model.with_parameters(parameters._replace(**changes)))
+        self._look_ahead()
 
     def _ramp(self, name: str, duration: float, command: ArrayLike | None) -> dict[str, Array]:
         """Breaks and coefficients of an end that changes its velocity evenly over `duration`."""
@@ -342,16 +359,6 @@ class Simulation:
         steps = np.arange(np.floor(self._time / interval) + 1, np.floor(end / interval + 1e-9) + 1)
         times = np.concatenate(([self._time], steps * interval))
         return times if end - times[-1] < 1e-9 * interval else np.append(times, end)
-
-    def _observe(self, status: Status) -> Observation:
-        layout, frame = self.model.layout, self.model.frame
-        return Observation(
-            self._time,
-            status,
-            frame.places_out(self.model.node_places(self._time, self._y)),
-            frame.vectors_out(layout.node_velocity(self._y)),
-            layout.tension(self._y).copy(),
-        )
 
     def _message(self, status: Status) -> str:
         if status is Status.COMPLETED:

@@ -8,8 +8,9 @@ from __future__ import annotations
 import json
 
 SWAY = """\
-# A rope hangs between two points and one of them is moved sideways. Change what you need; every number may carry a
-# unit ("5 mm", "10 kN", "2 min"), a bare number is in SI units. z is up, s runs from end A (0) to end B (length).
+# A rope hangs between two points and one of them is moved sideways. Change what you need.
+# Every number may carry a unit ("5 mm", "10 kN", "2 min"); a bare number is in SI units.
+# z is up; the cable runs from end A (s = 0) to end B (s = length).
 #   cablesim validate {file}    is it right?
 #   cablesim info {file}        what will be computed?
 #   cablesim run {file}         compute it
@@ -63,8 +64,9 @@ output:
 """
 
 TOW = """\
-# A ship takes up speed and tows a cable with a body at its free end. Change what you need; every number may carry a
-# unit ("8 mm", "2 knot", "3 min"), a bare number is in SI units. z is up, s runs from end A (0) to end B (length).
+# A ship takes up speed and tows a cable with a body at its free end. Change what you need.
+# Every number may carry a unit ("8 mm", "2 knot", "3 min"); a bare number is in SI units.
+# z is up; the cable runs from end A (s = 0) to end B (s = length).
 name: {name}
 description: A ship tows 100 m of cable with a body at its end, from rest to 2 m/s.
 
@@ -113,9 +115,10 @@ output:
 """
 
 BUOYS = """\
-# A neutral tether that bends, between a vehicle and a vessel, with a buoy and a ballast, in a current that changes
-# with depth. Change what you need; every number may carry a unit ("4 mm", "10 kN"), a bare number is in SI units.
-# z is up, s runs from end A (0) to end B (length).
+# A neutral tether that bends, between a vehicle and a vessel, with a buoy and a ballast, in a current
+# that changes with depth. Change what you need.
+# Every number may carry a unit ("4 mm", "10 kN"); a bare number is in SI units.
+# z is up; the cable runs from end A (s = 0) to end B (s = length).
 name: {name}
 description: A tether with a buoy and a ballast between a vehicle and a heaving vessel.
 
@@ -146,8 +149,8 @@ mesh:
     - {{around: weight, within: 40 cm, segment_length: 5 cm}}
 
 attachments:
-  - {{kind: buoy, name: float, at: 4 m, mass: 50 g, volume: 250 cm^3, drag_area: 20 cm^2, added_mass: 0.5}}
-  - {{kind: ballast, name: weight, at: 8 m, mass: 400 g, volume: 50 cm^3, drag_area: 10 cm^2, added_mass: 0.5}}
+  - {{kind: buoy, name: float, at: 4 m, mass: 50 g, volume: 250 cm^3, drag_area: 20 cm^2}}
+  - {{kind: ballast, name: weight, at: 8 m, mass: 400 g, volume: 50 cm^3, drag_area: 10 cm^2}}
 
 ends:
   a: # the vehicle

@@ -21,6 +21,7 @@ from scenes import (
     held,
     rotation,
     scene,
+    uniform_in_time,
 )
 
 from cablesim.mesh import Mesh, build_mesh
@@ -52,12 +53,6 @@ def grid() -> GriddedCurrent:
     velocities = 0.3 * np.random.default_rng(5).standard_normal((3, 2, 3, 4, 3))
     axes = {"x": np.array([-1.0, 1.0]), "y": np.array([-1.0, 0.2, 1.0]), "z": np.linspace(-2.0, 0.5, 4)}
     return GriddedCurrent(times=np.array([0.0, 0.2, 2.0]), velocities=velocities, **axes)
-
-
-def everywhere_the_same(table: Array, times: Array) -> GriddedCurrent:
-    axes = {"x": np.array([-1.0, 1.0]), "y": np.array([-1.0, 1.0]), "z": np.array([-1.0, 1.0])}
-    velocities = np.broadcast_to(table[:, None, None, None], (times.size, 2, 2, 2, 3))
-    return GriddedCurrent(times=times, velocities=velocities, **axes)
 
 
 @cache
@@ -99,7 +94,7 @@ def in_still_places(original: Scene) -> Scene:
     if isinstance(current, ProfileCurrent):
         current = ProfileCurrent(heights=current.heights, velocities=np.tile(current.velocities[1], (3, 1)))
     if isinstance(current, GriddedCurrent):
-        current = everywhere_the_same(current.velocities[:, 0, 0, 0], current.times)
+        current = uniform_in_time(current.times, current.velocities[:, 0, 0, 0])
     return replace(original, water=replace(original.water, current=current))
 
 
@@ -178,7 +173,8 @@ def test_nothing_of_the_jacobian_lies_outside_its_band(name: str) -> None:
     lower, upper = model.bandwidths
     full = finite_differences(model, y, yp, 50.0)
     outside = full - np.triu(np.tril(full, upper), -lower)
-    assert np.abs(outside).max() == 0.0
+    # a profile's weights (1 - w) + w leave rounding behind
+    assert np.abs(outside).max() <= 1e-12 * np.abs(full).max()
 
 
 @pytest.mark.parametrize("rows_above", [0, 5])

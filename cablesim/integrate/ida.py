@@ -5,6 +5,7 @@ Depends on: integrate.protocol.
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 
@@ -104,7 +105,7 @@ class IdaIntegrator:
         else:
             if result.status < 0:
                 status = _STATUS.get(result.status, Status.CONVERGENCE_FAILURE)
-            elif not np.isfinite(result.y.sum()):
+            elif not math.isfinite(result.y.sum()):
                 status = Status.NOT_FINITE
             else:
                 self._t, self._y, self._yp = result.t, result.y, result.yp

@@ -19,8 +19,8 @@ w           integrated place of end B
 ==========  ===========================================================================
 
 The Jacobian leaves out one thing: how the current changes when a node moves (profile and gridded
-currents).  It would couple each node to all segments before it, and Newton does without: with
-positions as extra unknowns the same runs took longer (README, design notes).
+currents).  It would couple each node to all segments before it and fill the band; Newton does
+without, since a step is short against the time that shear takes to matter.
 """
 
 from __future__ import annotations
