@@ -208,14 +208,57 @@ def run_all(runs: Sequence[Run], jobs: int = 1, watcher: Watcher | None = None) 
 
 def _one_after_the_other(runs: Sequence[Run], watcher: Watcher) -> list[RunSummary]:
     summaries: list[RunSummary] = []
-    for index, run in enumerate(runs):
-        if summaries and summaries[-1].outcome is Outcome.INTERRUPTED:
-            summary = _not_started(run)
-        else:
-            summary = _execute(run, partial(watcher.progressed, index))
-        watcher.finished(index, summary)
-        summaries.append(summary)
+    with _Interrupts() as interrupts:
+
+        def progressed(index: int, now: float, duration: float) -> None:
+            interrupts.check()
+            watcher.progressed(index, now, duration)
+
+        for index, run in enumerate(runs):
+            go_on = not interrupts.seen
+            summary = _execute(run, partial(progressed, index)) if go_on else _not_started(run)
+            watcher.finished(index, summary)
+            summaries.append(summary)
     return summaries
+
+
+class _Interrupts:
+    """Remembers Ctrl-C: the interrupt itself gets lost when it arrives inside a compiler's callback."""
+
+    def __init__(self) -> None:
+        self.seen = False
+
+    def __enter__(self) -> _Interrupts:
+        self._undo = contextlib.ExitStack()
+        self._undo.enter_context(_on_interrupt(self._handle))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._undo.close()
+
+    def check(self) -> None:
+        """Raise the interrupt that was seen."""
+        if self.seen:
+            raise KeyboardInterrupt
+
+    def _handle(self) -> None:
+        self.seen = True
+        raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def _on_interrupt(handle: Callable[[], None]) -> Iterator[None]:
+    """Call `handle` at Ctrl-C, where it is this thread's to handle and not ignored (as under nohup)."""
+    in_main = threading.current_thread() is threading.main_thread()
+    before = signal.getsignal(signal.SIGINT)
+    if not in_main or before is None or before is signal.SIG_IGN:
+        yield
+        return
+    signal.signal(signal.SIGINT, lambda *_: handle())
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _not_started(run: Run) -> RunSummary:
@@ -252,7 +295,7 @@ def _simulate_and_write(run: Run, progressed: Callable[[float, float], None]) ->
 
 def _write(run: Run, dataset: xr.Dataset) -> RunSummary:
     status = str(dataset.attrs.get("status", "completed"))
-    with _no_interrupts():
+    with _on_interrupt(lambda: None):  # a second Ctrl-C must not cost the result
         write_result(dataset, run.file)
     return RunSummary(
         case=run.case,
@@ -323,19 +366,6 @@ def _os_message(error: OSError) -> str:
     if isinstance(error, OutputError) or error.strerror is None:
         return str(error)
     return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-
-
-@contextlib.contextmanager
-def _no_interrupts() -> Iterator[None]:
-    """Leave Ctrl-C without effect while a file is written: a second one must not cost the result."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 # Cases with overrides ---------------------------------------------------------------------------
@@ -500,7 +530,8 @@ class _SideBySide:
         listener = QueueListener(queue, _Relay())
         listener.start()
         try:
-            with self._pool(queue) as pool, self._handling_interrupts():
+            # first Ctrl-C: stop the runs and write what they have; second: end the processes
+            with self._pool(queue) as pool, _on_interrupt(self._interrupt):
                 self._wait(self._submit(pool))
         finally:
             listener.stop()
@@ -550,18 +581,6 @@ class _SideBySide:
             status="worker died",
             message="A worker process was killed (out of memory?). Run this case again, with fewer jobs.",
         )
-
-    @contextlib.contextmanager
-    def _handling_interrupts(self) -> Iterator[None]:
-        """First Ctrl-C: stop the runs and write what they have.  Second: end the processes."""
-        if threading.current_thread() is not threading.main_thread():
-            yield
-            return
-        before = signal.signal(signal.SIGINT, lambda *_: self._interrupt())
-        try:
-            yield
-        finally:
-            signal.signal(signal.SIGINT, before)
 
     def _interrupt(self) -> None:
         if self._board.stopping:

@@ -54,7 +54,8 @@ def plot_run(dataset: xr.Dataset) -> Figure:
 
     Shapes at up to 12 times, from the side and from above (only the side when all motion stays in one
     vertical plane), below them the tensions against time and, where there are two attachments or
-    more, the distances between neighbours.  A panel whose variable was not kept says so.
+    more, the distances between neighbours.  A single state has its tension along the cable instead.
+    A panel whose variable was not kept says so.
 
     Parameters
     ----------
@@ -81,15 +82,19 @@ def plot_run(dataset: xr.Dataset) -> Figure:
     parts: Any = figure.subfigures(2, 1, height_ratios=[1.45, 1])
     top, bottom = parts
     _draw_shapes(top, dataset)
-    panels: list[Callable[[Axes, xr.Dataset], None]] = [_draw_tensions]
-    if _attachments(dataset) > 1:
-        panels.append(_draw_distances)
+    panels = _lower_panels(dataset)
     for axes, draw in zip(bottom.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
         draw(axes, dataset)
-        axes.set_xlabel("time [s]")
         axes.grid(alpha=0.3)
-        axes.margins(x=0.01)
     return figure
+
+
+def _lower_panels(dataset: xr.Dataset) -> list[Callable[[Axes, xr.Dataset], None]]:
+    if dataset.sizes["time"] == 1:
+        return [_draw_tension_along]
+    if dataset.sizes.get("attachment", 0) > 1:
+        return [_draw_tensions, _draw_distances]
+    return [_draw_tensions]
 
 
 def _import_figure() -> type[Figure]:
@@ -108,13 +113,10 @@ def _title(dataset: xr.Dataset) -> str:
     return f"{name} ({status} at {float(dataset['time'][-1]):.4g} s)"
 
 
-def _attachments(dataset: xr.Dataset) -> int:
-    return int(dataset.sizes.get("attachment", 0))
-
-
 def _note(axes: Axes, text: str) -> None:
     """Say in an empty panel why it is empty."""
     axes.text(0.5, 0.5, text, ha="center", va="center", wrap=True, transform=axes.transAxes, color="0.4")
+    axes.set(xticks=[], yticks=[])
 
 
 # Shapes -----------------------------------------------------------------------------------------
@@ -126,20 +128,28 @@ def _draw_shapes(part: Any, dataset: xr.Dataset) -> None:
         return
     position = dataset["position"].transpose("time", "node", "axis").values
     shown = snapshot_indices(dataset["time"].values, position)
-    views = _views(position[np.isfinite(position).all(axis=2)])
+    views = _views(_there(position.reshape(-1, 3)))
     panels = part.subplots(1, len(views), squeeze=False)[0]
     colour = _colour_scale(dataset["time"].values[shown])
     for axes, view in zip(panels, views, strict=True):
         for index in shown:
             x, y = view(position[index])
             axes.plot(x, y, color=colour.to_rgba(dataset["time"].values[index]), lw=1.4)
+        last = np.stack(view(_there(position[shown[-1]])), axis=1)
         _mark_attachments(axes, view, dataset, shown, colour)
-        _mark_ends(axes, view, position[shown[-1]])
+        _name_attachments(axes, view, dataset, last)
+        _mark_ends(axes, last)
         axes.set(title=view.title, xlabel=view.right_label, ylabel=view.up_label)
         axes.set_aspect("equal", adjustable="datalim")
         axes.margins(0.08)
         axes.grid(alpha=0.3)
-    part.colorbar(colour, ax=list(panels), label="time [s]", pad=0.01, fraction=0.03, aspect=25)
+    if shown.size > 1:
+        part.colorbar(colour, ax=list(panels), label="time [s]", pad=0.01, fraction=0.03, aspect=25)
+
+
+def _there(places: Array) -> Array:
+    """Leave out nodes that are not deployed."""
+    return places[np.isfinite(places).all(axis=-1)]
 
 
 def snapshot_indices(times: Array, position: Array) -> NDArray[np.int64]:
@@ -203,21 +213,22 @@ def _plane_view(direction: Array, extent: Array, up: Array) -> _View:
     return _View(title, np.array([*direction, 0.0]), up, label, "z [m]")
 
 
-def _mark_ends(axes: Axes, view: _View, places: Array) -> None:
-    """Letters at the ends of the last shape."""
-    there = places[np.isfinite(places).all(axis=1)]
-    if len(there) < 2:
+def _mark_ends(axes: Axes, shape: Array) -> None:
+    """Letters beyond the ends of the last shape (n, 2)."""
+    if len(shape) < 2:
         return
-    x, y = view(there[[0, -1]])
-    axes.plot(x, y, "s", color="0.2", ms=5, zorder=5)
-    for letter, place in zip("AB", zip(x, y, strict=True), strict=True):
-        _write(axes, letter, place, (0, 9), ha="center", weight="bold")
+    axes.plot(*shape[[0, -1]].T, "s", color="0.2", ms=5, zorder=5, ls="")
+    for letter, place, outward in (
+        ("A", shape[0], shape[0] - shape[1]),
+        ("B", shape[-1], shape[-1] - shape[-2]),
+    ):
+        _write(axes, letter, place, _unit(outward), weight="bold")
 
 
 def _mark_attachments(
     axes: Axes, view: _View, dataset: xr.Dataset, shown: NDArray[np.int64], colour: Any
 ) -> None:
-    """Dots at every shape, and their names at the last one."""
+    """Dots at every shape."""
     if "attachment_position" not in dataset:
         return
     places = dataset["attachment_position"].transpose("time", "attachment", "axis").values
@@ -225,29 +236,45 @@ def _mark_attachments(
     for index in shown:
         x, y = view(places[index])
         axes.plot(x, y, "o", ms=5, mfc=colour.to_rgba(times[index]), mec="black", mew=0.6, zorder=4, ls="")
-    names = [str(name) for name in dataset["attachment"].values]
-    if len(names) > LABELLED:
+
+
+def _name_attachments(axes: Axes, view: _View, dataset: xr.Dataset, shape: Array) -> None:
+    """Names beside the last shape (n, 2), on its outer side."""
+    if "attachment_position" not in dataset or dataset.sizes["attachment"] > LABELLED:
         return
-    last = view(places[shown[-1]])
-    middle = np.nanmean(last[0])
-    for x, y, name in zip(*last, names, strict=True):
-        side, align = (10, "left") if x >= middle else (-10, "right")
-        _write(axes, name, (x, y), (side, -4), ha=align)
+    last = dataset["attachment_position"].isel(time=-1).transpose("attachment", "axis").values
+    places = np.stack(view(last), axis=1)
+    middle = _there(places).mean(axis=0) if len(_there(places)) > 1 else shape.mean(axis=0)
+    for name, place in zip(dataset["attachment"].values, places, strict=True):
+        if not np.isfinite(place).all():
+            continue
+        nearest = int(np.linalg.norm(shape - place, axis=1).argmin())
+        along = shape[min(nearest + 1, len(shape) - 1)] - shape[max(nearest - 1, 0)]
+        aside = np.array([-along[1], along[0]])
+        aside *= 1.0 if aside @ (place - middle) >= 0 else -1.0
+        _write(axes, str(name), place, _unit(aside))
 
 
-def _write(axes: Axes, text: str, place: tuple[float, float], offset: tuple[int, int], **style: Any) -> None:
-    """Write a label that stays readable on top of lines."""
+def _unit(vector: Array) -> Array:
+    norm = float(np.linalg.norm(vector))
+    return vector / norm if norm > 0 else np.array([0.0, 1.0])
+
+
+def _write(axes: Axes, text: str, place: Array, direction: Array, **style: Any) -> None:
+    """Write a label off a place, in a direction of unit length; it stays readable on top of lines."""
     from matplotlib.patheffects import withStroke
 
-    halo = [withStroke(linewidth=3, foreground="white")]
+    horizontal = abs(direction[0]) > 0.5
     axes.annotate(
         text,
-        place,
-        xytext=offset,
+        (float(place[0]), float(place[1])),
+        xytext=(11 * direction[0], 11 * direction[1]),
         textcoords="offset points",
+        ha=("left" if direction[0] > 0 else "right") if horizontal else "center",
+        va="center" if horizontal else "bottom" if direction[1] > 0 else "top",
         fontsize=10,
         zorder=6,
-        path_effects=halo,
+        path_effects=[withStroke(linewidth=3, foreground="white")],
         **style,
     )
 
@@ -270,7 +297,29 @@ def _draw_tensions(axes: Axes, dataset: xr.Dataset) -> None:
         for end, colour in zip(dataset["end"].values, _COLOURS[:2], strict=True):
             values = dataset["end_tension"].sel(end=end).values
             axes.plot(time, values, color=colour, lw=1.6, label=f"end {str(end).upper()}")
+    _against_time(axes, time)
     _legend(axes)
+
+
+def _draw_tension_along(axes: Axes, dataset: xr.Dataset) -> None:
+    axes.set(xlabel="material coordinate s, from A to B [m]", ylabel="tension [N]")
+    if "tension" not in dataset:
+        _note(axes, missing_variable(dataset, "tension"))
+        return
+    axes.plot(dataset["s_segment"].values, dataset["tension"].isel(time=0).values, color=_COLOURS[0], lw=1.6)
+    axes.margins(x=0.01)
+
+
+def _against_time(axes: Axes, time: Array) -> None:
+    room = 0.01 * (time[-1] - time[0])
+    axes.set(xlabel="time [s]", xlim=(time[0] - room, time[-1] + room))
+
+
+def _begin_at_zero(axes: Axes) -> None:
+    """Show zero where that costs little of the panel."""
+    low, high = axes.get_ylim()
+    if low < 0.6 * high:
+        axes.set_ylim(0.0, high)
 
 
 def _draw_distances(axes: Axes, dataset: xr.Dataset) -> None:
@@ -283,7 +332,8 @@ def _draw_distances(axes: Axes, dataset: xr.Dataset) -> None:
         colour = _COLOURS[number] if number < LABELLED else "0.6"
         label = name if number < LABELLED else None
         axes.plot(time, values, color=colour, lw=1.6, label=label)
-    axes.set_ylim(bottom=0.0)
+    _begin_at_zero(axes)
+    _against_time(axes, time)
     _legend(axes)
 
 

@@ -503,6 +503,7 @@ class _Search:
     def _report(self, y: Array, rung: Rung) -> InitialState:
         y = self._at_rest(y)
         self.model.layout.end_place(y)[:] += _closure_defect(y, self.model)
+        self.moving.impose_end_velocities(0.0, y)  # ends that start with a jump leave the cable behind
         return InitialState(self.moving, y, rung, self.unbalanced_force(y), self.iterations)
 
     def _at_rest(self, y: Array) -> Array:

@@ -18,7 +18,6 @@ from scenes import (
     body,
     cable,
     driven,
-    held,
     rotation,
     scene,
     uniform_in_time,
@@ -33,12 +32,17 @@ Array = NDArray[np.float64]
 
 TIME = 0.3  # [s], within the second piece of the motions below
 SEGMENTS = 7
-BODIES = (body(1.0, mass=0.2, volume=5e-5, drag_area=1e-3, added_mass=0.5), body(3.0, mass=0.1, drag_area=2e-3))
+BODIES = (
+    body(1.0, mass=0.2, volume=5e-5, drag_area=1e-3, added_mass=0.5),
+    body(3.0, mass=0.1, drag_area=2e-3),
+)
 MOVES = [[0.0, 0.3, 0.1, -0.2], [0.2, 0.1, -0.4, 0.3], [1.0, 0.2, 0.5, 0.1]]
 STIFF = cable(bending_stiffness=0.02, added_mass_tangential=0.1)
 TURN = rotation(0.3)
 CLAMP_A, CLAMP_B = np.array([0.8, 0.0, 0.6]), np.array([0.6, 0.8, 0.0])
-PROFILE = ProfileCurrent(heights=np.array([-2.0, -0.5, 1.0]), velocities=np.array([[0.1, 0.2, 0], [0.4, -0.1, 0.1], [0, 0, 0]]))
+PROFILE = ProfileCurrent(
+    heights=np.array([-2.0, -0.5, 1.0]), velocities=np.array([[0.1, 0.2, 0], [0.4, -0.1, 0.1], [0, 0, 0]])
+)
 
 
 def planar(waypoints: list[list[float]]) -> Array:
@@ -109,7 +113,9 @@ def random_state(model: CableModel, seed: int) -> tuple[Array, Array]:
     rng, layout = np.random.default_rng(seed), model.layout
     y, yp = 0.5 * rng.standard_normal((2, layout.size))
     chord = model.frame.vectors_in(TURN @ [0.6, 0.1, 0.8]) + 0.25 * rng.standard_normal(layout.chord(y).shape)
-    layout.chord(y)[:] = chord / np.linalg.norm(chord, axis=1)[:, None] * rng.uniform(0.9, 1.1, (len(chord), 1))
+    layout.chord(y)[:] = (
+        chord / np.linalg.norm(chord, axis=1)[:, None] * rng.uniform(0.9, 1.1, (len(chord), 1))
+    )
     layout.tension(y)[:] = 5.0 * rng.standard_normal(layout.segments)
     layout.tension(yp)[:] = 1e3 * rng.standard_normal(layout.segments)
     return y, yp
@@ -151,7 +157,9 @@ def test_residual_equals_twin(name: str, seed: int) -> None:
     wanted = twin.residual(scenes()[name], mesh, TIME, state, rate)
     for kind in ("V", "T", "q", "w"):
         rows = getattr(wanted, kind)
-        np.testing.assert_allclose(getattr(found, kind), rows, rtol=0, atol=1e-12 * np.abs(rows).max(), err_msg=kind)
+        np.testing.assert_allclose(
+            getattr(found, kind), rows, rtol=0, atol=1e-12 * np.abs(rows).max(), err_msg=kind
+        )
 
 
 @pytest.mark.parametrize("c_j", [0.0, 300.0])

@@ -95,7 +95,9 @@ def found_by_masses_on_a_string(segments: int) -> Array:
 
 def taut_frequencies(segments: int) -> Array:
     rope = cable(density=VACUUM, gravity=0.0, structural_damping=1e-12)
-    return frequencies(scene(rope=rope, density=VACUUM, gravity=0.0, b=held([3.003, 0.0, 0.0]), segments=segments))
+    return frequencies(
+        scene(rope=rope, density=VACUUM, gravity=0.0, b=held([3.003, 0.0, 0.0]), segments=segments)
+    )
 
 
 def test_taut_string_swings_at_multiples_of_its_wave_speed() -> None:
@@ -122,7 +124,12 @@ def test_taut_string_rings_at_multiples_of_the_speed_of_sound() -> None:
 def test_horizontal_cable_sinks_at_its_terminal_velocity() -> None:
     rope = cable()
     case = scene(
-        a=FREE, b=FREE, initial=straight([0.0, 0, 0], [1.0, 0, 0], 3.0), current=STILL, attachments=[SPECK], duration=4.0
+        a=FREE,
+        b=FREE,
+        initial=straight([0.0, 0, 0], [1.0, 0, 0], 3.0),
+        current=STILL,
+        attachments=[SPECK],
+        duration=4.0,
     )
     result = run(case)
     terminal = np.sqrt(rope.wet_weight / (0.5 * 1000.0 * rope.drag_normal * rope.diameter))
@@ -160,7 +167,9 @@ def test_heavy_body_sinks_at_its_terminal_velocity() -> None:
 
 
 def test_neutral_cable_is_towed_straight() -> None:
-    case = scene(rope=cable(wet_weight=0.0), a=towed([0.0] * 3, [1.0, 0, 0]), b=FREE, initial=DOWN, duration=60.0)
+    case = scene(
+        rope=cable(wet_weight=0.0), a=towed([0.0] * 3, [1.0, 0, 0]), b=FREE, initial=DOWN, duration=60.0
+    )
     last = run(case).isel(time=-1)
     assert np.abs(np.diff(last.position.values, axis=0)[:, 2]).max() < 1e-3
     rope = case.cable
@@ -197,13 +206,17 @@ def pushed(mass_per_length: float, **changes: Any) -> xr.Dataset:
     water = uniform_in_time([0.0, 10.0], [[0.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
     rope = cable(mass_per_length=mass_per_length, wet_weight=0.0, **changes)
     start = straight([0.0, 0, 0], [1.0, 0, 0], 3.0)
-    return run(scene(rope=rope, a=FREE, b=FREE, initial=start, current=water, attachments=[SPECK], duration=2.0))
+    return run(
+        scene(rope=rope, a=FREE, b=FREE, initial=start, current=water, attachments=[SPECK], duration=2.0)
+    )
 
 
 def test_accelerating_water_takes_a_neutral_cable_along() -> None:
     displaced = 1000.0 * np.pi * 5e-3**2 / 4.0
     result = pushed(displaced)
-    np.testing.assert_allclose(result.velocity.values[:, :, 1], 0.4 * result.time.values[:, None] * np.ones(21), atol=1e-6)
+    np.testing.assert_allclose(
+        result.velocity.values[:, :, 1], 0.4 * result.time.values[:, None] * np.ones(21), atol=1e-6
+    )
 
 
 def test_accelerating_water_pushes_a_dense_cable_with_its_own_and_the_added_mass() -> None:
@@ -211,7 +224,9 @@ def test_accelerating_water_pushes_a_dense_cable_with_its_own_and_the_added_mass
     displaced, mass, added = 1000.0 * np.pi * 5e-3**2 / 4.0, 0.055, 0.8
     result = pushed(mass, added_mass_normal=added, drag_normal=0.0, drag_tangential=0.0)
     rate = 0.4 * displaced * (1.0 + added) / (mass + added * displaced)
-    np.testing.assert_allclose(result.velocity.values[:, :, 1], rate * result.time.values[:, None] * np.ones(21), atol=1e-6)
+    np.testing.assert_allclose(
+        result.velocity.values[:, :, 1], rate * result.time.values[:, None] * np.ones(21), atol=1e-6
+    )
 
 
 # Conserved quantities -----------------------------------------------------------------------------
@@ -228,7 +243,13 @@ def thrown() -> Simulation:
     """A free rope in vacuum that tumbles and waves while it falls."""
     start = straight([0.0, 0, 0], [1.0, 0.5, 0.2], 3.0)
     case = scene(
-        density=VACUUM, a=FREE, b=FREE, initial=start, current=STILL, attachments=[SPECK], relative_tolerance=1e-7
+        density=VACUUM,
+        a=FREE,
+        b=FREE,
+        initial=start,
+        current=STILL,
+        attachments=[SPECK],
+        relative_tolerance=1e-7,
     )
     simulation = Simulation(case)
     before = simulation.snapshot()
@@ -257,13 +278,20 @@ def test_free_cable_in_vacuum_keeps_its_angular_momentum() -> None:
     share = mass / mass.sum()
     arm = result.position.values - np.einsum("n,tnc->tc", share, result.position.values)[:, None]
     spin = np.einsum("n,tnc->tc", mass, np.cross(arm, result.velocity.values))
-    np.testing.assert_allclose(spin, np.broadcast_to(spin[0], spin.shape), rtol=0, atol=1e-5 * np.linalg.norm(spin[0]))
+    np.testing.assert_allclose(
+        spin, np.broadcast_to(spin[0], spin.shape), rtol=0, atol=1e-5 * np.linalg.norm(spin[0])
+    )
     assert np.ptp(np.linalg.norm(arm[:, -1] - arm[:, 0], axis=1)) > 0.05
 
 
 # Symmetries ---------------------------------------------------------------------------------------
 
-TIGHT: dict[str, Any] = {"relative_tolerance": 1e-8, "max_order": 5, "segments": 12, "variables": ("position",)}
+TIGHT: dict[str, Any] = {
+    "relative_tolerance": 1e-8,
+    "max_order": 5,
+    "segments": 12,
+    "variables": ("position",),
+}
 
 
 def turned(result: xr.Dataset, angle: float) -> Array:
@@ -354,7 +382,9 @@ IN_SPACE = {"sway": sway(duration=10.0), "pendulum": pendulum(duration=2.0)}
 
 @pytest.mark.parametrize("name", IN_SPACE)
 def test_order_in_space_is_two(name: str) -> None:
-    base = replace(IN_SPACE[name], output=replace(IN_SPACE[name].output, interval=0.1, variables=("marker_position",)))
+    base = replace(
+        IN_SPACE[name], output=replace(IN_SPACE[name].output, interval=0.1, variables=("marker_position",))
+    )
     base = replace(base, numerics=Numerics(relative_tolerance=1e-8, max_order=5))
     coarse, middle, fine, finest = (
         run(replace(base, mesh=MeshRules(segment_length=length))).marker_position.values

@@ -220,7 +220,9 @@ def test_slack_elastica_has_the_end_force_of_euler() -> None:
     modulus = fsolve(lambda k: 2.0 * ellipe(k**2) / ellipk(k**2) - 1.0 - 0.5, 0.6)[0]
     load, sag = 4.0 * ellipk(modulus**2) ** 2, modulus / ellipk(modulus**2)
     EI, length = 0.01, 3.0
-    state = start_of(scene(rope=cable(wet_weight=0.0, bending_stiffness=EI, axial_stiffness=1e6), segments=80))
+    state = start_of(
+        scene(rope=cable(wet_weight=0.0, bending_stiffness=EI, axial_stiffness=1e6), segments=80)
+    )
     assert -nodes_of(state)[:, 2].min() == pytest.approx(sag * length, rel=1e-3)
     assert np.abs(balance_at_rest(state)[1:-1]).max() < 1e-9
     middle = tension_of(state)[39:41].mean()
@@ -255,7 +257,9 @@ def test_ends_carry_the_whole_weight(name: str) -> None:
     simulation = Simulation(replace(AT_REST[name], duration=0.1))
     force = simulation.run().end_force.values[0]
     weight = simulation.model.parameters.nodes[:, WET_WEIGHT].sum()
-    np.testing.assert_allclose(force.sum(axis=0), [0.0, 0.0, -weight], rtol=0, atol=1e-8 * max(1.0, np.abs(force).max()))
+    np.testing.assert_allclose(
+        force.sum(axis=0), [0.0, 0.0, -weight], rtol=0, atol=1e-8 * max(1.0, np.abs(force).max())
+    )
 
 
 def test_ends_carry_drag_in_a_current() -> None:
@@ -277,12 +281,15 @@ def test_towed_cable_is_at_rest_in_the_moving_frame() -> None:
 
 # Given shapes -------------------------------------------------------------------------------------
 
+
 def bow(side: float) -> MarkerShape:
     """Markers on a half sine of length 3 from (0, 0, 0) to (1.5, 0, 0) that leaves its plane by `side`."""
     share = np.linspace(0.0, 1.0, 2001)
 
     def curve(depth: float) -> Array:
-        return np.stack((1.5 * share, side * np.sin(2.0 * np.pi * share), -depth * np.sin(np.pi * share)), axis=1)
+        return np.stack(
+            (1.5 * share, side * np.sin(2.0 * np.pi * share), -depth * np.sin(np.pi * share)), axis=1
+        )
 
     def arc(depth: float) -> Array:
         return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(curve(depth), axis=0), axis=1)))
@@ -378,7 +385,9 @@ def test_free_cable_without_a_place_is_refused() -> None:
 def test_cable_without_rest_says_how_far_the_search_came() -> None:
     """A free sinking cable has no rest shape."""
     guess = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0]])
-    with pytest.raises(StaticsError, match=r"after \d+ Newton iterations a force of .* N is left .*'through' points"):
+    with pytest.raises(
+        StaticsError, match=r"after \d+ Newton iterations a force of .* N is left .*'through' points"
+    ):
         start_of(loose(initial=EquilibriumShape(guess=guess)))
 
 

@@ -67,7 +67,7 @@ OUTPUTS = 1000  # per run: the energy balance is integrated over them
 LOAD_LIMIT = 0.2  # weight and drag at 1 m/s, over EA: cables of rubber are small
 CLOSURE_LIMIT = 10.0  # closure error over rtol and length
 ENERGY_LIMIT = 30.0  # energy created over rtol and the energy that was turned over
-SLOWEST = 0.05  # [m/s] whose kinetic energy counts as turned over in a scene at rest
+SLOWEST, TENSION_FACTOR = 0.05, 100.0  # [m/s] and [-]: what absolute tolerances are made of
 HANG_FACTOR, HANG_EXTRA = 3.0, 60.0  # a scene hangs after this many time limits, and seconds to compile in
 
 
@@ -534,11 +534,22 @@ def energy_created(scene: Scene, dataset: xr.Dataset) -> tuple[float, bool]:
     added, blur_added = _added_mass_work(scene, dataset)
     balance = energies.sum(axis=0) - ends - added
     created = float((balance - np.minimum.accumulate(balance)).max())
-    turnover = max(float(np.ptp(energies, axis=1).max()), float(energies[[0, 2, 3]].max()), float(np.ptp(ends)))
     rtol = scene.numerics.relative_tolerance
-    rounding = 1e-12 * float(np.abs(energies).max()) / rtol
-    turnover += rounding + 0.5 * float(_node_masses(scene, dataset)[0].sum()) * SLOWEST**2
-    return created / (rtol * turnover), created > 3.0 * (blur_ends + blur_added)
+    level = rtol * _turnover(scene, dataset, energies, ends) + 1e-12 * float(np.abs(energies).max())
+    return created / level, created > 3.0 * (blur_ends + blur_added)
+
+
+def _turnover(scene: Scene, dataset: xr.Dataset, energies: Vector, ends: Vector) -> float:
+    """Energy of which the run's rtol is a share [J].
+
+    Absolute tolerances count too (see `cablesim.physics.scales`): velocities are not known better than rtol
+    times SLOWEST, and tensions 100 times less well than the rest.
+    """
+    held = np.linalg.norm(dataset.end_force.values, axis=-1).max()
+    slow_work = float(held) * SLOWEST * scene.duration
+    slow_motion = 0.5 * float(_node_masses(scene, dataset)[0].sum()) * SLOWEST**2
+    moved = max(float(np.ptp(energies, axis=1).max()), float(energies[[0, 3]].max()), float(np.ptp(ends)))
+    return moved + TENSION_FACTOR * float(energies[2].max()) + slow_work + slow_motion
 
 
 def _end_power(scene: Scene, dataset: xr.Dataset) -> Vector:
