@@ -402,7 +402,7 @@ def load_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
         return build_scene(load_case(path))
     text = _text_of(Path(path))
     data, lines = read_yaml(text, str(path))
-    for override in overrides:
+    for override in overrides if isinstance(data, dict) else ():
         _override(data, override)
     try:
         return build_scene(Case.from_dict(data, directory=Path(path).resolve().parent))

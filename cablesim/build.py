@@ -21,6 +21,7 @@ from cablesim.case import Case, CaseError, Problem, models
 from cablesim.case.errors import Location, nearest, suggestion
 from cablesim.case.quantities import UnitError, length_factor
 from cablesim.scene import Vector
+from cablesim.variables import VARIABLES
 
 STRAIN_LIMIT = 0.05
 """Strain a cable may need to span its ends at t = 0, or a measured chord over its arc."""
@@ -699,6 +700,13 @@ class _Builder:
                 f"makes {duration / interval:.3g} states to keep, more than {STATES_LIMIT}",
                 f"Give {default_interval(duration):g} s, for instance.",
             )
+        for index, name in enumerate(given.variables):
+            if name not in VARIABLES:
+                self._note(
+                    ("output", "variables", index),
+                    "is not a variable of a trajectory",
+                    suggestion(name, VARIABLES),
+                )
         return scene.Output(interval=interval, variables=given.variables, markers=self._output_markers())
 
     def _output_markers(self) -> Vector:
@@ -745,6 +753,7 @@ def _numerics(given: models.Simulation) -> scene.Numerics:
         max_order=given.max_order,
         max_step=given.max_step,
         max_steps=given.max_steps,
+        time_limit=given.time_limit,
         linear_solver=given.linear_solver,
         strain_feedback=given.strain_feedback,
         closure_feedback=given.closure_feedback,

@@ -123,7 +123,7 @@ class Motion:
         fractions = np.linspace(0.0, 1.0, 17)
         times = starts[touched, None] + (ends - starts)[touched, None] * fractions
         local = times - self.breaks[:-1][touched, None]
-        velocities = _evaluate_pieces(self.coefficients[touched][:, None], local, 1)
+        velocities = evaluate_pieces(self.coefficients[touched][:, None], local, 1)
         return float(np.linalg.norm(velocities, axis=-1).max())
 
     def _evaluate(self, t: ArrayLike, derivative: int) -> Vector:
@@ -132,7 +132,7 @@ class Motion:
             self._refuse_unknown(times)
         piece = np.searchsorted(self.breaks, times, side="right") - 1
         piece = np.clip(piece, 0, len(self.coefficients) - 1)
-        return _evaluate_pieces(self.coefficients[piece], times - self.breaks[piece], derivative)
+        return evaluate_pieces(self.coefficients[piece], times - self.breaks[piece], derivative)
 
     def _refuse_unknown(self, times: Vector) -> None:
         slack = 1e-9 * max(1.0, abs(self.end_time))  # times added up by a caller
@@ -421,10 +421,10 @@ def recorded(
     return motion
 
 
-def _evaluate_pieces(coefficients: Vector, local: Vector, derivative: int) -> Vector:
+def evaluate_pieces(coefficients: Vector, local: Vector, derivative: int) -> Vector:
     """Evaluate a derivative of polynomials (..., 6, 3) at local times (...); shape (..., 3)."""
     shape = np.broadcast_shapes(coefficients.shape[:-2], local.shape)
-    result = np.zeros((*shape, 3))
+    result = np.zeros((*shape, coefficients.shape[-1]))
     for order in range(5, derivative - 1, -1):
         factor = math.perm(order, derivative)
         result = result * local[..., None] + factor * coefficients[..., order, :]
@@ -527,7 +527,7 @@ def _quintic_pieces(sample: _Sampler, length: float, count: int, tolerance: floa
         nodes = times[::_CHECKS]
         coefficients = _hermite(nodes, positions[::_CHECKS], velocities[::_CHECKS], accelerations[::_CHECKS])
         piece = np.repeat(np.arange(count), _CHECKS)
-        fitted = _evaluate_pieces(coefficients[piece], times[:-1] - nodes[piece], 0)
+        fitted = evaluate_pieces(coefficients[piece], times[:-1] - nodes[piece], 0)
         if np.abs(fitted - positions[:-1]).max() <= tolerance:
             return np.diff(nodes), coefficients
         count = math.ceil(1.5 * count)
@@ -568,7 +568,7 @@ def _join(
     for index, (lengths, coefficients) in enumerate(intervals):
         placed = coefficients.copy()
         placed[:, 0] += reached
-        reached = _evaluate_pieces(placed[-1], lengths[-1], 0)
+        reached = evaluate_pieces(placed[-1], lengths[-1], 0)
         ends = nodes[index] + np.cumsum(lengths)
         if index + 1 < nodes.size:
             ends[-1] = nodes[index + 1]  # exactly, where the sum of lengths may miss it by an ulp
@@ -586,8 +586,8 @@ def _discontinuities(breaks: Vector, coefficients: Vector, waypoints: Vector) ->
     inner = np.flatnonzero(np.isin(breaks[1:-1], waypoints)) + 1
     inner = inner[breaks[inner] > 0]
     lengths = breaks[inner] - breaks[inner - 1]
-    velocity_before = _evaluate_pieces(coefficients[inner - 1], lengths, 1)
-    acceleration_before = _evaluate_pieces(coefficients[inner - 1], lengths, 2)
+    velocity_before = evaluate_pieces(coefficients[inner - 1], lengths, 1)
+    acceleration_before = evaluate_pieces(coefficients[inner - 1], lengths, 2)
     velocity_after, acceleration_after = coefficients[inner, 1], 2 * coefficients[inner, 2]
     jumping = _differs(velocity_before, velocity_after, _JUMP_TOLERANCE)
     bending = _differs(acceleration_before, acceleration_after, _CORNER_TOLERANCE)

@@ -133,8 +133,13 @@ def find_initial_state(scene: Scene, mesh: Mesh) -> InitialState:
     y = _state_of(guess, model, scene)
     if isinstance(scene.initial, EquilibriumShape):
         return _Search(model, _frame_velocity(scene, model)).equilibrium(y, guess.rung)
-    _close(y, model)
-    _set_tension(y, model, _momentum_tension(y, model))
+    strain = np.zeros(mesh.segments)
+    for _ in range(3):  # tensions stretch the segments, which turns them, which changes the tensions
+        if _close(y, model, strain):
+            break
+        strain = _momentum_tension(y, model) / scene.cable.axial_stiffness
+    else:
+        _close(y, model, strain)
     _set_velocities(y, scene, model)
     search = _Search(model, np.zeros(model.layout.dimension))
     return InitialState(model, y, guess.rung, search.unbalanced_force(y), 0)
@@ -333,27 +338,40 @@ def _sum_of_chords(y: Array, model: CableModel) -> Array:
     return model.parameters.segments[:, 1] @ model.layout.chord(y)
 
 
-def _close(y: Array, model: CableModel) -> None:
-    """Turn the segments a little so that their chords reach from A to B exactly."""
+def _close(y: Array, model: CableModel, strain: Array) -> bool:
+    """Give the segments these strains and turn them a little, so that their chords reach from A to B exactly.
+
+    Returns whether the ends are further apart than the cable so stretched is long: it is then taut,
+    stretched evenly further, and holds the tension that goes with it.
+    """
     features, layout = model.features, model.layout
-    if features.free_a or features.free_b:
-        return
-    lengths = model.parameters.segments[:, 1]
-    target = model.end_place_and_velocity("b", 0.0)[0] - model.end_place_and_velocity("a", 0.0)[0]
+    lengths = model.parameters.segments[:, 1] * (1.0 + strain)
     directions = layout.chord(y) / np.linalg.norm(layout.chord(y), axis=1)[:, None]
-    stretch = max(1.0, float(np.linalg.norm(target)) / lengths.sum())
+    taut = 1.0
+    if not (features.free_a or features.free_b):
+        target = model.end_place_and_velocity("b", 0.0)[0] - model.end_place_and_velocity("a", 0.0)[0]
+        taut = max(1.0, float(np.linalg.norm(target)) / lengths.sum())
+        directions = _turned(directions, lengths, target / taut)
+    strain = taut * (1.0 + strain) - 1.0
+    layout.chord(y)[:] = (1.0 + strain)[:, None] * directions
+    layout.tension(y)[:] = model.parameters.constants[0] * strain
+    if not features.free_a:
+        layout.end_place(y)[:] = _sum_of_chords(y, model)
+    return taut > 1.0
+
+
+def _turned(directions: Array, lengths: Array, target: Array) -> Array:
+    """Directions near these with which segments of these lengths reach `target`, by least turning."""
+    total, identity = lengths.sum(), np.eye(target.size)
     for _ in range(200):
-        gap = target - stretch * (lengths @ directions)
-        if np.linalg.norm(gap) < 1e-14 * lengths.sum():
+        gap = target - lengths @ directions
+        if np.linalg.norm(gap) < 1e-14 * total:
             break
-        # least turning: each segment may only turn, so invert sum l (1 - t t^T)
-        turning = lengths.sum() * np.eye(layout.dimension) - (directions * lengths[:, None]).T @ directions
-        turning += 1e-12 * lengths.sum() * np.eye(layout.dimension)
+        # each segment may only turn, so invert sum l (1 - t t^T)
+        turning = total * (1.0 + 1e-12) * identity - (directions * lengths[:, None]).T @ directions
         directions = directions + np.linalg.solve(turning, gap)[None]
         directions /= np.linalg.norm(directions, axis=1)[:, None]
-    layout.chord(y)[:] = stretch * directions
-    layout.tension(y)[:] = model.parameters.constants[0] * (stretch - 1.0)
-    layout.end_place(y)[:] = _sum_of_chords(y, model)
+    return directions
 
 
 def _momentum_tension(y: Array, model: CableModel) -> Array:
@@ -392,21 +410,6 @@ def _momentum_tension(y: Array, model: CableModel) -> Array:
     diagonal += 1e-12 * diagonal.max()
     band = np.stack((np.concatenate(([0.0], coupling)), diagonal))
     return solveh_banded(band, np.sum(tangent * np.diff(acceleration, axis=0), axis=1))
-
-
-def _set_tension(y: Array, model: CableModel, tension: Array) -> None:
-    """Add tensions and the stretch that goes with them; the chords keep their sum by `_close`."""
-    layout = model.layout
-    chord = layout.chord(y)
-    taut = layout.tension(y).copy()
-    layout.tension(y)[:] = np.where(taut > 0.0, taut, tension)
-    stretch = 1.0 + layout.tension(y) / model.parameters.constants[0]
-    chord *= (stretch / np.linalg.norm(chord, axis=1))[:, None]
-    if not (model.features.free_a or model.features.free_b):
-        gap = layout.end_place(y) - _sum_of_chords(y, model)
-        chord += gap / model.parameters.segments[:, 1].sum()
-    elif not model.features.free_a:
-        layout.end_place(y)[:] = _sum_of_chords(y, model)
 
 
 def _frame_velocity(scene: Scene, model: CableModel) -> Array:

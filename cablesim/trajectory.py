@@ -6,7 +6,7 @@ Depends on: scene, mesh, physics.
 from __future__ import annotations
 
 import datetime
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -17,6 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from cablesim.mesh import Mesh
+from cablesim.motion import evaluate_pieces
 from cablesim.physics.equations import water_motion
 from cablesim.physics.model import CableModel
 from cablesim.physics.needs import describe_needs
@@ -33,6 +34,7 @@ from cablesim.physics.parameters import (
     WET_WEIGHT,
 )
 from cablesim.scene import Scene
+from cablesim.variables import VARIABLES
 
 Array = NDArray[np.float64]
 
@@ -103,7 +105,7 @@ class _Quantities:
         from_a = np.zeros((self.times.size, self.mesh.segments + 1, 3))
         np.cumsum(self.chords, axis=1, out=from_a[:, 1:])
         if self.scene.end_a.motion is not None:
-            return from_a + self.scene.end_a.motion.position(self.times)[:, None]
+            return from_a + self._end_position("a")[:, None]
         end_b = self.model.frame.places_out(self.model.layout.end_place(self.history.y))
         return from_a + (end_b - from_a[:, -1])[:, None]
 
@@ -116,7 +118,7 @@ class _Quantities:
         rates = self.model.frame.vectors_out(self.model.layout.node_velocity(self.history.yp))
         for node, end in ((0, self.scene.end_a), (-1, self.scene.end_b)):
             if end.motion is not None:  # the integrator's rate of an algebraic unknown is only an estimate
-                rates[:, node] = end.motion.acceleration(self.times)
+                rates[:, node] = self.model.frame.vectors_out(self._end_motion("a" if node == 0 else "b", 2))
         return rates
 
     @cached_property
@@ -287,7 +289,17 @@ class _Quantities:
     def closure_error(self) -> Array:
         if self.scene.end_b.motion is None or self.scene.end_a.motion is None:
             return np.zeros(self.times.size)
-        return np.linalg.norm(self.position[:, -1] - self.scene.end_b.motion.position(self.times), axis=1)
+        return np.linalg.norm(self.position[:, -1] - self._end_position("b"), axis=1)
+
+    def _end_position(self, name: str) -> Array:
+        return self.model.frame.places_out(self._end_motion(name, 0))
+
+    def _end_motion(self, name: str, derivative: int) -> Array:
+        """Motion of an end as integrated: a driven end has left the motion of the scene."""
+        breaks = getattr(self.model.parameters, f"breaks_{name}")
+        coefficients = getattr(self.model.parameters, f"coefficients_{name}")
+        piece = np.clip(np.searchsorted(breaks, self.times, side="right") - 1, 0, len(coefficients) - 1)
+        return evaluate_pieces(coefficients[piece], self.times - breaks[piece], derivative)
 
 
 def local_basis(tangent: Array) -> tuple[Array, Array]:
@@ -312,51 +324,6 @@ def local_basis(tangent: Array) -> tuple[Array, Array]:
     normal[..., 0] = tangent[..., 2] / safe
     normal[..., 2] = np.where(cos_theta > 1e-12, -tangent[..., 0] / safe, -1.0)
     return normal, np.cross(tangent, normal)
-
-
-@dataclass(frozen=True)
-class _Variable:
-    dimensions: tuple[str, ...]
-    units: str
-    long_name: str
-    needed: Callable[[Scene], bool] = lambda scene: True
-
-
-_NODE, _SEGMENT = ("time", "node"), ("time", "segment")
-
-VARIABLES: dict[str, _Variable] = {
-    "position": _Variable((*_NODE, "axis"), "m", "position of the nodes in the world frame, z up"),
-    "velocity": _Variable((*_NODE, "axis"), "m s-1", "velocity of the nodes in the world frame"),
-    "acceleration": _Variable((*_NODE, "axis"), "m s-2", "acceleration of the nodes in the world frame"),
-    "tension": _Variable(_SEGMENT, "N", "tangential internal force T_t"),
-    "shear_normal": _Variable(_SEGMENT, "N", "normal internal force T_n"),
-    "shear_binormal": _Variable(_SEGMENT, "N", "binormal internal force T_b"),
-    "theta": _Variable(_SEGMENT, "rad", "orientation angle theta of equation (8)"),
-    "phi": _Variable(_SEGMENT, "rad", "orientation angle phi of equation (8), unwrapped"),
-    "velocity_tangential": _Variable(_NODE, "m s-1", "tangential velocity V_t"),
-    "velocity_normal": _Variable(_NODE, "m s-1", "normal velocity V_n"),
-    "velocity_binormal": _Variable(_NODE, "m s-1", "binormal velocity V_b"),
-    "end_force": _Variable(("time", "end", "axis"), "N", "force of the cable on what holds its ends"),
-    "end_tension": _Variable(("time", "end"), "N", "tangential internal force T_t of the end segments"),
-    "attachment_position": _Variable(
-        ("time", "attachment", "axis"),
-        "m",
-        "position of the attachments in the world frame",
-        lambda scene: bool(scene.attachments),
-    ),
-    "marker_position": _Variable(
-        ("time", "marker", "axis"),
-        "m",
-        "position of the markers in the world frame",
-        lambda scene: scene.output.markers.size > 0,
-    ),
-    "kinetic_energy": _Variable(("time",), "J", "kinetic energy of cable, attachments and added mass"),
-    "potential_energy": _Variable(("time",), "J", "potential energy of the weight in water, nought at z = 0"),
-    "elastic_energy": _Variable(("time",), "J", "energy of stretching"),
-    "bending_energy": _Variable(("time",), "J", "energy of bending"),
-    "closure_error": _Variable(("time",), "m", "distance of the last node from the prescribed end B"),
-}
-"""Every variable that a trajectory can hold."""
 
 
 def build_dataset(

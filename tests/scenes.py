@@ -70,7 +70,7 @@ def held(position: ArrayLike, clamp: ArrayLike | None = None) -> End:
 
 def towed(position: ArrayLike, velocity: ArrayLike) -> End:
     """An end in uniform motion."""
-    return End(motion=motion.velocity_waypoints(position, [0.0], [velocity]))
+    return End(motion=motion.velocity_waypoints(position, [0.0], np.array([velocity])))
 
 
 def driven(position: ArrayLike, waypoints: ArrayLike) -> End:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import numpy_twin as twin
@@ -66,8 +67,8 @@ def scenes() -> dict[str, Scene]:
     plane_a = driven([0.2, -0.1, 0.3], planar(MOVES))
     plane_b = driven(np.array([0.2, -0.1, 0.3]) + TURN @ [1.5, 0.0, 0.1], planar(MOVES))
     undamped = cable(structural_damping=0.0)
-    clamped = {"a": replace(a, clamp=CLAMP_A), "b": replace(b, clamp=CLAMP_B)}
-    parts = {"attachments": BODIES, "segments": SEGMENTS}
+    clamped: dict[str, Any] = {"a": replace(a, clamp=CLAMP_A), "b": replace(b, clamp=CLAMP_B)}
+    parts: dict[str, Any] = {"attachments": BODIES, "segments": SEGMENTS}
     return {
         "planar": scene(a=plane_a, b=plane_b, segments=SEGMENTS),
         "planar, free end": scene(a=plane_a, b=FREE, segments=SEGMENTS),

@@ -142,9 +142,13 @@ def test_points_lines_and_data(dataset, tmp_path):
         assert int(piece.get("NumberOfPoints")) == state.sizes["node"]
         assert int(piece.get("NumberOfLines")) == state.sizes["segment"]
         np.testing.assert_array_equal(data_array(root, ".//Points/DataArray"), state["position"])
-        np.testing.assert_array_equal(data_array(root, ".//PointData/DataArray[@Name='velocity']"), state["velocity"])
+        np.testing.assert_array_equal(
+            data_array(root, ".//PointData/DataArray[@Name='velocity']"), state["velocity"]
+        )
         np.testing.assert_array_equal(data_array(root, ".//PointData/DataArray[@Name='s']"), state["s"])
-        np.testing.assert_array_equal(data_array(root, ".//CellData/DataArray[@Name='tension']"), state["tension"])
+        np.testing.assert_array_equal(
+            data_array(root, ".//CellData/DataArray[@Name='tension']"), state["tension"]
+        )
         segments = np.arange(state.sizes["segment"])
         np.testing.assert_array_equal(lines_of(root), np.stack([segments, segments + 1], axis=1))
 
@@ -188,6 +192,6 @@ def test_positions_alone_are_enough(dataset, tmp_path):
 
 
 def test_without_positions_it_says_how_to_get_them(dataset, tmp_path):
-    with pytest.raises(ExportError, match="no `position`: add it to output.variables"):
+    with pytest.raises(ExportError, match="no `position`: add it to output"):
         export_vtk(dataset[["tension"]], tmp_path / "vtk")
     assert not (tmp_path / "vtk").exists()

@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from accuracy import rms, scene
 
 import cablesim
-from accuracy import rms, scene
 from cablesim.scene import Scene
 
 sys.path.insert(0, str(Path(__file__).parent / "peers"))
-from moordyn_scenes import PeerRun, run_scene  # noqa: E402
+from moordyn_scenes import PeerRun, run_scene
 
 
 @dataclass(frozen=True)

@@ -552,6 +552,9 @@ class Simulation(Part):
     max_steps: int = Field(
         default=1_000_000, ge=1, le=2_000_000_000, strict=True, description="give up after so many steps"
     )
+    time_limit: Time | None = Field(
+        default=None, gt=0, description="wall-clock time after which a run stops [s]; default: no limit"
+    )
     linear_solver: Literal["auto", "band", "krylov"] = Field(
         default="auto", description="solver of the linear systems; auto: by size"
     )

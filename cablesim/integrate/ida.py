@@ -61,6 +61,10 @@ class IdaOptions:
     time_limit: float | None = None
 
 
+class _NotFinite(Exception):  # noqa: N818 - a status says it
+    """The equations gave a number that is not finite."""
+
+
 class _TimeLimit(Exception):  # noqa: N818 - it is not an error
     """The wall clock ran out."""
 
@@ -80,8 +84,12 @@ class IdaIntegrator:
         self.counters = Counters()
         self.equations = equations
         self._options = options
-        self._deadline = time.monotonic() + options.time_limit if options.time_limit else None
+        self._deadline = math.inf
         self._ida = IDA(self._residual, **self._ida_options())
+
+    def start_clock(self) -> None:
+        """Count the wall-clock limit from now."""
+        self._deadline = time.monotonic() + (self._options.time_limit or math.inf)
 
     def start(self, t: float, y: Array, yp: Array) -> None:
         """Begin at a consistent state (the order falls to 1)."""
@@ -102,6 +110,8 @@ class IdaIntegrator:
             status = Status.INTERRUPTED
         except _TimeLimit:
             status = Status.TIME_LIMIT
+        except _NotFinite:
+            status = Status.NOT_FINITE
         else:
             if result.status < 0:
                 status = _STATUS.get(result.status, Status.CONVERGENCE_FAILURE)
@@ -117,12 +127,11 @@ class IdaIntegrator:
         counters = self.counters
         counters.residual_calls += 1
         self.equations.residual(t, y, yp, out)
-        if (
-            self._deadline is not None
-            and counters.residual_calls % _CALLS_BETWEEN_CLOCKS == 0
-            and time.monotonic() > self._deadline
-        ):
-            raise _TimeLimit
+        if counters.residual_calls % _CALLS_BETWEEN_CLOCKS == 0:
+            if time.monotonic() > self._deadline:
+                raise _TimeLimit
+            if not math.isfinite(out.sum()):  # IDA itself would go on to max_steps
+                raise _NotFinite
 
     def _jacobian(self, t: float, y: Array, yp: Array, _res: Array, c_j: float, out: Array) -> None:
         self.counters.jacobian_calls += 1

@@ -88,6 +88,10 @@ class Integrator(Protocol):
 
     counters: Counters
 
+    def start_clock(self) -> None:
+        """Count the wall-clock limit, if there is one, from now."""
+        ...
+
     def start(self, t: float, y: Array, yp: Array) -> None:
         """Begin at a consistent state (the order falls to 1)."""
         ...
