@@ -20,6 +20,7 @@ from cablesim import recording, scene
 from cablesim.case import Case, CaseError, Problem, models
 from cablesim.case.errors import Location, nearest, suggestion
 from cablesim.case.quantities import UnitError, length_factor
+from cablesim.saved_state import SavedStateError, read_saved_state
 from cablesim.scene import Vector
 from cablesim.variables import VARIABLES
 
@@ -489,8 +490,7 @@ class _Builder:
     ) -> scene.InitialShape:
         given = self.case.initial
         if isinstance(given, models.StateStart):
-            file = self._file(given.file, ("initial", "file"))
-            return scene.SavedState(file=str(file.resolve()), time=given.time)
+            return self._saved_state(given, ends)
         if isinstance(given, models.MarkersStart):
             arc, positions = self._markers(given)
             return self._marker_shape(arc, positions, ends)
@@ -505,6 +505,34 @@ class _Builder:
             self._check_drifting(given, cable, attachments[0])
         guess = None if given.through is None else np.array(given.through)
         return scene.EquilibriumShape(guess=guess)
+
+    def _saved_state(
+        self, given: models.StateStart, ends: tuple[scene.End, scene.End] | None
+    ) -> scene.SavedState:
+        file = self._file(given.file, ("initial", "file"))
+        try:
+            state = read_saved_state(file, given.time)
+        except SavedStateError as error:
+            raise self._refuse(("initial", "file"), str(error), "Give another result or time.") from error
+        length = self.case.cable.length
+        if abs(state.arc[-1] - length) > 1e-6 * length:
+            raise self._refuse(
+                ("initial", "file"),
+                f"is the state of {state.arc[-1]:g} m of cable, not of {length:g} m",
+                f"Give a cable.length of {state.arc[-1]:g} m, or the state of such a cable.",
+            )
+        for end, place, name in zip(ends or (), state.positions[[0, -1]], "ab", strict=False):
+            if end.motion is not None:
+                self._check_saved_end(name, float(np.linalg.norm(end.motion.position(0.0) - place)))
+        return state
+
+    def _check_saved_end(self, name: str, distance: float) -> None:
+        if distance > _SPAN * self.case.cable.length:
+            raise self._refuse(
+                ("initial", "file"),
+                f"has end {name} {distance:.3g} m from where ends.{name} begins",
+                f"Let ends.{name} begin where the earlier run ended.",
+            )
 
     def _check_drifting(
         self, given: models.EquilibriumStart, cable: scene.Cable, bodies: Sequence[scene.Attachment]

@@ -236,10 +236,22 @@ class MarkerShape:
 
 @dataclass(frozen=True, kw_only=True)
 class SavedState:
-    """State from an earlier result file at `time` (``None``: its last good state)."""
+    """State of an earlier run.
 
-    file: str
-    time: float | None = None
+    Attributes
+    ----------
+    arc : ndarray, shape (m+1,)
+        Material coordinates of its nodes [m].
+    positions, velocities : ndarray, shape (m+1, 3)
+        World positions [m] and velocities [m/s] of its nodes.
+    tension : ndarray, shape (m,)
+        Axial force of its segments, damping part included [N].
+    """
+
+    arc: Vector
+    positions: Vector
+    velocities: Vector
+    tension: Vector
 
 
 InitialShape = EquilibriumShape | TautShape | CatenaryShape | MarkerShape | SavedState

@@ -169,17 +169,11 @@ class Simulation:
         history = History(self._output_times(), self.model.layout.size)
         history.record(self._y, self._yp)
         self._integrator.start_clock()
-        status = Status.COMPLETED
         with _quiet():
-            for t in history.times[1:]:
-                status = self._advance(t)
-                if status is not Status.COMPLETED:
-                    break
-                history.record(self._y, self._yp)
-                if progress is not None:
-                    wall = time.perf_counter() - started
-                    calls = self._integrator.counters.residual_calls
-                    progress(Progress(self._time, self.scene.duration, calls, wall))
+            try:
+                status = self._record_run(history, progress)
+            except KeyboardInterrupt:  # outside the integrator
+                status = Status.INTERRUPTED
         if status is not Status.COMPLETED:
             history.close(self._time, self._y, self._yp)
         return build_dataset(
@@ -253,6 +247,20 @@ class Simulation:
         self._begin(snapshot.time, snapshot.y, snapshot.yp)
 
     # Inside -------------------------------------------------------------------------------------
+
+    def _record_run(self, history: History, progress: Callable[[Progress], None] | None) -> Status:
+        """Advance from output to output."""
+        started = time.perf_counter()
+        for t in history.times[1:]:
+            status = self._advance(t)
+            if status is not Status.COMPLETED:
+                return status
+            history.record(self._y, self._yp)
+            if progress is not None:
+                wall = time.perf_counter() - started
+                calls = self._integrator.counters.residual_calls
+                progress(Progress(self._time, self.scene.duration, calls, wall))
+        return Status.COMPLETED
 
     def _find_initial_state(self) -> InitialState:
         initial = find_initial_state(self.scene, self.mesh)

@@ -36,6 +36,7 @@ from cablesim.scene import (
     CatenaryShape,
     EquilibriumShape,
     MarkerShape,
+    SavedState,
     Scene,
     TautShape,
 )
@@ -129,7 +130,12 @@ def find_initial_state(scene: Scene, mesh: Mesh) -> InitialState:
         When no rest shape is found.
     """
     guess = _first_guess(scene, mesh)
-    model = build_model(scene, mesh, scene_frame(scene, guess.directions))
+    vectors = guess.directions
+    if isinstance(scene.initial, SavedState):
+        vectors = np.concatenate((vectors, scene.initial.velocities))
+    model = build_model(scene, mesh, scene_frame(scene, vectors))
+    if isinstance(scene.initial, SavedState):
+        return _resumed(scene.initial, scene, mesh, model)
     y = _state_of(guess, model, scene)
     if isinstance(scene.initial, EquilibriumShape):
         return _Search(model, _frame_velocity(scene, model)).equilibrium(y, guess.rung)
@@ -150,6 +156,8 @@ def find_initial_state(scene: Scene, mesh: Mesh) -> InitialState:
 
 def _first_guess(scene: Scene, mesh: Mesh) -> Guess:
     shape = scene.initial
+    if isinstance(shape, SavedState):
+        return Guess(_saved_chords(shape, mesh.nodes), np.zeros(mesh.segments), Rung.SAVED)
     if isinstance(shape, MarkerShape):
         return Guess(
             marker_directions(shape.arc, shape.positions, mesh.nodes), np.zeros(mesh.segments), Rung.MARKERS
@@ -305,6 +313,12 @@ def marker_directions(arc: Array, positions: Array, nodes: Array) -> Array:
     return chords / np.linalg.norm(chords, axis=1)[:, None]
 
 
+def _saved_chords(saved: SavedState, nodes: Array) -> Array:
+    """Chords (n, 3) of a saved cable on a mesh, as they are where the mesh is the same."""
+    places = np.stack([np.interp(nodes, saved.arc, saved.positions[:, c]) for c in range(3)], axis=1)
+    return np.diff(places, axis=0)
+
+
 # States from shapes ---------------------------------------------------------------------------------
 
 
@@ -442,6 +456,30 @@ def _set_velocities(y: Array, scene: Scene, model: CableModel) -> None:
     layout.velocity(y)[:] = velocity[:-1]
     layout.end_velocity(y)[:] = velocity[-1]
     model.impose_end_velocities(0.0, y)
+
+
+def _resumed(saved: SavedState, scene: Scene, mesh: Mesh, model: CableModel) -> InitialState:
+    """The state of an earlier run, on its own mesh exactly, on another by linear interpolation."""
+    layout, frame, constants = model.layout, model.frame, model.parameters.constants
+    y = np.zeros(layout.size)
+    velocity = np.stack([np.interp(mesh.nodes, saved.arc, saved.velocities[:, c]) for c in range(3)], axis=1)
+    layout.velocity(y)[:] = frame.vectors_in(velocity[:-1])
+    layout.end_velocity(y)[:] = frame.vectors_in(velocity[-1])
+    layout.chord(y)[:] = frame.vectors_in(_saved_chords(saved, mesh.nodes)) / mesh.lengths[:, None]
+    free_a = scene.end_a.motion is None
+    layout.end_place(y)[:] = frame.places_in(saved.positions[-1]) if free_a else _sum_of_chords(y, model)
+    middle, saved_middle = (0.5 * (nodes[1:] + nodes[:-1]) for nodes in (mesh.nodes, saved.arc))
+    force = np.interp(middle, saved_middle, saved.tension)
+    # force = T + tau T', and the tension row gives T' = EA (stretching/l + beta (strain - T/EA))
+    length = np.linalg.norm(layout.chord(y), axis=1)
+    change = np.diff(layout.node_velocity(y), axis=0)
+    stretching = np.sum(change * layout.chord(y), axis=1) / (length * mesh.lengths)
+    stiffness, tau, beta = constants[0], constants[2], constants[3]
+    rate = stiffness * (stretching + beta * (length - 1.0))
+    layout.tension(y)[:] = (force - tau * rate) / (1.0 - tau * beta)
+    model.impose_end_velocities(0.0, y)
+    search = _Search(model, np.zeros(layout.dimension))
+    return InitialState(model, y, Rung.SAVED, search.unbalanced_force(y), 0)
 
 
 # Equilibrium ----------------------------------------------------------------------------------------

@@ -462,14 +462,6 @@ def test_markers_are_tied_to_the_ends() -> None:
     np.testing.assert_allclose(shape.arc, [0, 1.5, 3])
 
 
-def test_saved_state(tmp_path: Path) -> None:
-    (tmp_path / "result.nc").touch()
-    case = minimal(initial={"shape": "state", "file": "result.nc", "time": "2 s"})
-    assert build_scene(case, directory=tmp_path).initial == data.SavedState(
-        file=str(tmp_path / "result.nc"), time=2.0
-    )
-
-
 @pytest.mark.parametrize(
     ("duration", "interval"),
     [

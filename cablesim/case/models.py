@@ -550,7 +550,11 @@ class Simulation(Part):
     )
     max_step: Time | None = Field(default=None, gt=0, description="longest step [s]; default: no limit")
     max_steps: int = Field(
-        default=1_000_000, ge=1, le=2_000_000_000, strict=True, description="give up after so many steps"
+        default=1_000_000,
+        ge=1,
+        le=2_000_000_000,
+        strict=True,
+        description="give up after so many steps between two outputs",
     )
     time_limit: Time | None = Field(
         default=None, gt=0, description="wall-clock time after which a run stops [s]; default: no limit"

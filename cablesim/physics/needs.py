@@ -66,15 +66,15 @@ class Frame:
 SPACE = Frame(np.eye(3), np.zeros(3))
 
 
-def scene_frame(scene: Scene, directions: Array) -> Frame:
+def scene_frame(scene: Scene, vectors: Array) -> Frame:
     """Vertical plane that holds all motion of a scene, or the whole space.
 
     Parameters
     ----------
     scene : Scene
         Ends, currents and attachments.
-    directions : ndarray, shape (n, 3)
-        Directions of the segments of the first shape.
+    vectors : ndarray, shape (m, 3)
+        Directions of the segments of the first shape, and its velocities when it moves.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def scene_frame(scene: Scene, directions: Array) -> Frame:
     origin = _origin(scene)
     horizontal = np.concatenate(
         [
-            directions,
+            vectors,
             *(_end_vectors(end, origin) for end in (scene.end_a, scene.end_b)),
             _current_vectors(scene),
         ]

@@ -1,0 +1,85 @@
+"""Read the state at one time from a result file.
+
+Depends on: scene.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cablesim.scene import SavedState, Vector
+
+NEEDED = ("time", "s", "position", "velocity", "tension")
+
+
+class SavedStateError(ValueError):
+    """A result file does not hold the state asked for; the message says what it holds."""
+
+
+def read_saved_state(path: str | Path, time: float | None) -> SavedState:
+    """State of an earlier run.
+
+    Parameters
+    ----------
+    path : path
+        Result file written by `cablesim.write`.
+    time : float or None
+        Simulated time [s], which must be one of the file's; ``None`` takes the last.
+
+    Returns
+    -------
+    SavedState
+        Nodes that were deployed then.
+
+    Raises
+    ------
+    SavedStateError
+        When the file is not netCDF, a variable is missing, or the time is not in it.
+    """
+    import netCDF4
+
+    try:
+        with netCDF4.Dataset(path) as file:
+            missing = [name for name in NEEDED if name not in file.variables]
+            if missing:
+                raise SavedStateError(
+                    f"{path}: holds no {', '.join(missing)}; keep position, velocity and tension in the "
+                    "'output.variables' of the run that starts another."
+                )
+            index = _index_of(path, np.asarray(file["time"][:]), time)
+            values = {name: np.asarray(file[name][index], dtype=float) for name in NEEDED[2:]}
+            arc = np.asarray(file["s"][:], dtype=float)
+    except OSError as error:
+        raise SavedStateError(
+            f"{path}: cannot be read as netCDF ({error}); give a file that 'run' wrote."
+        ) from error
+    return _deployed(path, arc, **values)
+
+
+def _index_of(path: str | Path, times: Vector, time: float | None) -> int:
+    if time is None:
+        return times.size - 1
+    index = int(np.argmin(np.abs(times - time)))
+    if abs(times[index] - time) > 1e-6 * max(1.0, abs(time)):
+        raise SavedStateError(
+            f"{path}: has no state at {time:g} s; it holds {times[0]:g} to {times[-1]:g} s, the nearest is "
+            f"{times[index]:g} s."
+        )
+    return index
+
+
+def _deployed(
+    path: str | Path, arc: Vector, position: Vector, velocity: Vector, tension: Vector
+) -> SavedState:
+    """The part of the arrays that is in the water; nodes on the drum are NaN."""
+    there: NDArray[np.bool_] = np.asarray(np.isfinite(position).all(axis=1))
+    segments = there[1:] & there[:-1]
+    state = SavedState(
+        arc=arc[there], positions=position[there], velocities=velocity[there], tension=tension[segments]
+    )
+    if there.sum() < 2 or not all(np.isfinite(part).all() for part in (state.velocities, state.tension)):
+        raise SavedStateError(f"{path}: numbers of the state are not finite; choose an earlier time.")
+    return state
