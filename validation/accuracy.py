@@ -8,6 +8,7 @@ from __future__ import annotations
 from common import CASES, RECORDINGS, parser, print_table  # isort: skip - sets the threads
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import xarray as xr
@@ -69,9 +70,8 @@ def energy_rows() -> list[dict[str, object]]:
         energy = (run.kinetic_energy + run.potential_energy + run.elastic_energy).values
         change = float(np.abs(energy - energy[0]).max())
         swing = float(np.ptp(run.potential_energy.values))
-        rows.append(
-            {"rtol": rtol, "of |E(0)|": change / abs(energy[0]), "bound": bound, "of the swing": change / swing}
-        )
+        relative = change / abs(energy[0])
+        rows.append({"rtol": rtol, "of |E(0)|": relative, "bound": bound, "of the swing": change / swing})
     return rows
 
 
@@ -80,7 +80,7 @@ def order_rows(lengths: tuple[float, ...]) -> list[dict[str, object]]:
     rows = []
     for name in ("S1", "S3"):
         runs = [markers(name, segment_length=length, rtol=1e-8) for length in lengths]
-        steps = [rms(a, b) for a, b in zip(runs[:-1], runs[1:], strict=True)]
+        steps = [rms(a, b) for a, b in pairwise(runs)]
         for k in range(len(steps) - 1):
             order = float(np.log2(steps[k] / steps[k + 1]))
             meshes = " / ".join(f"{100 * h:g}" for h in lengths[k : k + 3])

@@ -24,7 +24,9 @@ RECORDINGS = Path(__file__).resolve().parents[2] / "shared" / "recordings"
 def parser(text: str | None) -> argparse.ArgumentParser:
     """Command line with the options that every script has; `text` is the script's docstring."""
     result = argparse.ArgumentParser(description=(text or "").split("\n\n")[0])
-    result.add_argument("-o", "--output", type=Path, help="folder for tables and pictures (default: a new one)")
+    result.add_argument(
+        "-o", "--output", type=Path, help="folder for tables and pictures (default: a new one)"
+    )
     result.add_argument("--small", action="store_true", help="a short version")
     return result
 

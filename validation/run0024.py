@@ -87,7 +87,9 @@ def draw(found: Residuals, file: Path) -> None:
     axes.plot(found.time, lengths, ".", color="0.75", label="each marker")
     for values, label in ((lengths, "median of a frame"), (moving, "the same without static offset")):
         axes.plot(frames, [np.median(values[found.time == t]) for t in frames], "-o", ms=3, label=label)
-    axes.set(xlabel="time of the record [s]", ylabel="residual [mm]", ylim=(0, None), title="Run 0024 of cable 6")
+    axes.set(
+        xlabel="time of the record [s]", ylabel="residual [mm]", ylim=(0, None), title="Run 0024 of cable 6"
+    )
     axes.legend()
     figure.savefig(file, dpi=150)
     print(f"wrote {file}")
@@ -106,12 +108,15 @@ def main() -> None:
     print_table(
         [
             {"residuals [mm]": f"all ({len(found.vector)})", **percentiles(found.vector)},
-            {"residuals [mm]": "paper, Table III (3 runs)", **dict(zip(percentiles(offset), PAPER, strict=True))},
+            {
+                "residuals [mm]": "paper, Table III (3 runs)",
+                **dict(zip(percentiles(offset), PAPER, strict=True)),
+            },
             {"residuals [mm]": f"before the command ({keeping.sum()})", **percentiles(found.vector[keeping])},
             {"residuals [mm]": "static offset alone", **percentiles(offset)},
             {"residuals [mm]": "motion: without the offset", **percentiles(found.vector - offset)},
         ],
-        f"run 0024, simulated in {run.attrs['wall_seconds']:.3f} s; bounds: P50 <= {BOUNDS[50]}, P99 <= {BOUNDS[99]}",
+        f"run 0024 in {run.attrs['wall_seconds']:.3f} s; bounds: P50 <= {BOUNDS[50]}, P99 <= {BOUNDS[99]}",
     )
     if options.output:
         draw(found, output_folder(options.output) / "run0024.png")

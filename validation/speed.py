@@ -1,8 +1,8 @@
 """Speed on scene S1 against MoorDyn at equal error, both on one core and timed in turn in one run.
 
 Needs ``pip install moordyn`` and the recordings of the peers.  Set-up is left out on both sides: for MoorDyn
-only its Step calls count, for cablesim only the integration; neither stores the 500 output frames in the timed
-runs (a second run of each, with the same settings, gives the error).  cablesim with its outputs is shown too.
+only its Step calls count, for cablesim only the integration; neither stores the 500 output frames in the
+timed runs (a second run of each, with the same settings, gives the error).  cablesim with its outputs is shown too.
 """
 
 from __future__ import annotations
@@ -120,7 +120,11 @@ def compare(target: str, repeats: int, reference: np.ndarray | None) -> list[dic
             walls[name].append(runs[name].wall_seconds)
     middle = {name: statistics.median(values) for name, values in walls.items()}
     # with EA = 1e6 N there is no recorded reference: a converged run of ours stands in
-    exact = reference if reference is not None else Timed(replace(ours, segment_length=0.0125, rtol=1e-7)).positions()
+    exact = (
+        reference
+        if reference is not None
+        else Timed(replace(ours, segment_length=0.0125, rtol=1e-7)).positions()
+    )
     rows: list[dict[str, object]] = [
         {
             "target": target,

@@ -116,7 +116,9 @@ class Plan:
 def make_scene(plan: Plan, index: int) -> Scene:
     """Scene `index` of a plan."""
     kind = draw_kind(np.random.default_rng([plan.seed, 1, index % plan.kinds]))
-    return _Draft(np.random.default_rng([plan.seed, 2, index]), kind, plan).scene(f"seed {plan.seed} #{index}")
+    return _Draft(np.random.default_rng([plan.seed, 2, index]), kind, plan).scene(
+        f"seed {plan.seed} #{index}"
+    )
 
 
 class _Draft:
@@ -191,9 +193,7 @@ class _Draft:
         if not self.kind.bodies:
             return []
         count = int(self.rng.choice([1, 3, 8, 30]))
-        return [
-            (_log_uniform(self.rng, 0.01, 0.08), _log_uniform(self.rng, 0.2, 8.0)) for _ in range(count)
-        ]
+        return [(_log_uniform(self.rng, 0.01, 0.08), _log_uniform(self.rng, 0.2, 8.0)) for _ in range(count)]
 
     def _load(self, size: float, length: float, diameter: float, relative: float, bodies: list) -> float:
         """Weights and drag at 1 m/s [N] of everything scaled by `size`."""
@@ -242,7 +242,9 @@ class _Draft:
         place_b = place_a + distance * direction
         reach = cable.length * (1.0 + stretch)
         make_a = self._motion(place_a)
-        make_b = self._snap(place_b, direction, reach - distance) if style == "snap" else self._motion(place_b)
+        make_b = (
+            self._snap(place_b, direction, reach - distance) if style == "snap" else self._motion(place_b)
+        )
         share = 1.0
         while not free and _farthest(make_a(share), make_b(share), self.duration) > reach:
             share = 0.0 if share < 1e-3 else 0.6 * share
@@ -254,7 +256,11 @@ class _Draft:
         )
 
     def _clamp(self, direction: Vector) -> Vector | None:
-        return _unit(direction + 0.7 * self._direction()) if self.kind.clamped and _chance(self.rng, 0.7) else None
+        return (
+            _unit(direction + 0.7 * self._direction())
+            if self.kind.clamped and _chance(self.rng, 0.7)
+            else None
+        )
 
     def _motion(self, place: Vector) -> MotionMaker:
         makers = [self._rest, self._waypoints, self._jumps, self._harmonic, self._recorded]
@@ -529,7 +535,9 @@ def energy_created(scene: Scene, dataset: xr.Dataset) -> tuple[float, bool]:
         return float("nan"), False
     kinds = ("kinetic", "potential", "elastic", "bending")
     energies = np.stack([dataset[f"{kind}_energy"].values for kind in kinds])
-    ends, blur_ends = _integrated(dataset.time.values, _end_power(scene, dataset), _jump_steps(scene, dataset))
+    ends, blur_ends = _integrated(
+        dataset.time.values, _end_power(scene, dataset), _jump_steps(scene, dataset)
+    )
     ends += _impulses(scene, dataset)
     added, blur_added = _added_mass_work(scene, dataset)
     balance = energies.sum(axis=0) - ends - added
@@ -665,7 +673,10 @@ def print_summary(reports: list[Report]) -> None:
     count = len(reports)
     outcomes = Counter(report.outcome for report in reports)
     common.print_table(
-        ({"outcome": name, "scenes": number, "%": 100.0 * number / count} for name, number in outcomes.most_common()),
+        (
+            {"outcome": name, "scenes": number, "%": 100.0 * number / count}
+            for name, number in outcomes.most_common()
+        ),
         "Outcomes",
     )
     columns = ("index", "outcome", "faults", "wall", "reached", "message", "scene")
@@ -675,13 +686,17 @@ def print_summary(reports: list[Report]) -> None:
         print("  " + " | ".join(_short(getattr(report, name)) for name in columns))
     done = [report for report in reports if report.outcome == "completed"]
     for name in ("wall", "calls", "closure", "energy"):
-        worst = sorted((r for r in done if np.isfinite(getattr(r, name))), key=lambda r: -getattr(r, name))[:5]
+        worst = sorted((r for r in done if np.isfinite(getattr(r, name))), key=lambda r: -getattr(r, name))[
+            :5
+        ]
         common.print_table(
             ({"index": r.index, name: getattr(r, name), "scene": r.scene} for r in worst), f"Largest {name}"
         )
     walls = np.array([report.wall for report in done])
     if walls.size:
-        print(f"\nwall time [s]: median {np.median(walls):.3g}, 90 % {np.quantile(walls, 0.9):.3g}, max {walls.max():.3g}")
+        print(
+            f"\nwall time [s]: median {np.median(walls):.3g}, 90 % {np.quantile(walls, 0.9):.3g}, max {walls.max():.3g}"
+        )
 
 
 def _short(value: object) -> str:
@@ -695,10 +710,14 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=1, help="worker processes")
     parser.add_argument("--kinds", type=int, help="sets of compiled equations (default 24, with --small 6)")
     parser.add_argument("--only", type=int, nargs="+", metavar="INDEX", help="run these scenes again")
-    parser.add_argument("--time-limit", type=float, default=Plan.time_limit, help="wall-clock seconds a scene")
+    parser.add_argument(
+        "--time-limit", type=float, default=Plan.time_limit, help="wall-clock seconds a scene"
+    )
     options = parser.parse_args()
     plan = Plan(
-        seed=options.seed, kinds=options.kinds or (6 if options.small else Plan.kinds), time_limit=options.time_limit
+        seed=options.seed,
+        kinds=options.kinds or (6 if options.small else Plan.kinds),
+        time_limit=options.time_limit,
     )
     indices = options.only or list(range(options.count or (40 if options.small else 200)))
     started = time.perf_counter()

@@ -42,7 +42,13 @@ def v_alone(scene: Scene, segment_length: float) -> Scene:
         volume = 1e-4
         mass = 1000.0 * volume - lift / scene.gravity
         return Attachment(
-            name=name, kind="body", position=position, mass=mass, volume=volume, drag_area=1e-3, added_mass=0.5
+            name=name,
+            kind="body",
+            position=position,
+            mass=mass,
+            volume=volume,
+            drag_area=1e-3,
+            added_mass=0.5,
         )
 
     start = np.array([[-0.3, 0, 0], [-0.15, 0, -0.45], [0, 0, -0.55], [0.15, 0, -0.45], [0.3, 0, 0]])
@@ -62,7 +68,9 @@ def full_scene(scene: Scene, segment_length: float, refined: float) -> Scene:
     """The whole case, started from equilibrium, on another mesh."""
     refinements = tuple(replace(r, segment_length=refined) for r in scene.mesh.refinements)
     return replace(
-        scene, mesh=MeshRules(segment_length=segment_length, refinements=refinements), initial=EquilibriumShape()
+        scene,
+        mesh=MeshRules(segment_length=segment_length, refinements=refinements),
+        initial=EquilibriumShape(),
     )
 
 

@@ -42,6 +42,9 @@ class IdaOptions:
     max_order : int
         IDA's own default is 5; ours is 2, because orders 3 to 5 are unstable for the hardly damped
         waves of a cable.
+    first_step : float
+        First step after a start [s].  Left to itself IDA derives it from the first output time, and
+        then runs differ with the interval of their outputs.
     max_step : float or None
         Longest step [s].
     max_steps : int
@@ -55,6 +58,7 @@ class IdaOptions:
     rtol: float
     atol: Array
     max_order: int = 2
+    first_step: float = 0.0
     max_step: float | None = None
     max_steps: int = 1_000_000
     linear_solver: str = "auto"
@@ -144,6 +148,7 @@ class IdaIntegrator:
             "atol": options.atol,
             "max_order": options.max_order,
             "max_num_steps": options.max_steps,
+            "first_step": options.first_step,
             "max_step": options.max_step or 0.0,
         }
         if self._solver() == "band":
