@@ -67,12 +67,12 @@ class Theirs:
 # with BA = EA dt is the symplectic Euler method and faster still
 TARGETS = {
     "0.1 mm": (
-        Ours(0.035, 3e-4),
+        Ours(0.04, 1.75e-4),
         Theirs(0.05, "rk2", 1.22e-4, 0.879),
         Theirs(0.05, "euler", 1.11e-4, 1.17),
     ),
     "0.1 mm, EA 1e6 N": (
-        Ours(0.035, 3e-4, axial_stiffness=1e6),
+        Ours(0.04, 2e-4, axial_stiffness=1e6),
         Theirs(0.05, "rk2", 1.11e-5, 5.86, axial_stiffness=1e6),
         Theirs(0.05, "euler", 1.11e-5, 11.7, coupling_interval=0.001, axial_stiffness=1e6),
     ),

@@ -431,6 +431,7 @@ class Report:
     closure: float = 0.0  # largest closure error over rtol and length
     energy: float = float("nan")  # energy created over rtol and turnover; NaN where there is a current
     mass: float = 0.0  # relative error
+    damped: bool = True
     scene: str = ""
 
 
@@ -441,7 +442,7 @@ class _Hung(Exception):  # noqa: N818
 def audit(plan: Plan, index: int) -> Report:
     """Make, run and audit one scene; never raises."""
     scene = make_scene(plan, index)
-    words = describe(scene)
+    about = {"index": index, "damped": scene.cable.structural_damping > 0.0, "scene": describe(scene)}
     try:
         with warnings.catch_warnings(record=True) as caught, _alarm(plan.time_limit):
             warnings.simplefilter("always")
@@ -449,15 +450,15 @@ def audit(plan: Plan, index: int) -> Report:
             dataset = simulation.run()
             report = _examine(index, scene, simulation, dataset)
     except StaticsError as error:
-        return Report(index=index, outcome="no rest shape", message=str(error), faults="", scene=words)
+        return Report(outcome="no rest shape", message=str(error), faults="", **about)
     except _Hung:
-        return Report(index=index, outcome="hung", message="", faults="hung", scene=words)
+        return Report(outcome="hung", message="", faults="hung", **about)
     except Exception as error:
         where = traceback.extract_tb(error.__traceback__)[-1]
         text = f"{type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})"
-        return Report(index=index, outcome="error", message=text, faults="error", scene=words)
+        return Report(outcome="error", message=text, faults="error", **about)
     said = sorted({f"warning: {w.message} ({Path(w.filename).name}:{w.lineno})" for w in caught})
-    return replace(report, scene=words, faults="; ".join([*filter(None, [report.faults]), *said]))
+    return replace(report, faults="; ".join([*filter(None, [report.faults]), *said]), **about)
 
 
 class _alarm:  # noqa: N801
@@ -670,15 +671,19 @@ def run_all(plan: Plan, indices: list[int], jobs: int) -> list[Report]:
 
 def print_summary(reports: list[Report]) -> None:
     """Tables of outcomes, faults and worst cases."""
-    count = len(reports)
     outcomes = Counter(report.outcome for report in reports)
-    common.print_table(
-        (
-            {"outcome": name, "scenes": number, "%": 100.0 * number / count}
-            for name, number in outcomes.most_common()
-        ),
-        "Outcomes",
+    damped = Counter(report.outcome for report in reports if report.damped)
+    rows = (
+        {
+            "outcome": name,
+            "scenes": n,
+            "%": 100.0 * n / len(reports),
+            "damped": damped[name],
+            "tau = 0": n - damped[name],
+        }
+        for name, n in outcomes.most_common()
     )
+    common.print_table(rows, "Outcomes (of scenes with structural damping and without)")
     columns = ("index", "outcome", "faults", "wall", "reached", "message", "scene")
     odd = [report for report in reports if report.outcome != "completed" or report.faults]
     print(f"\nNot completed, or with faults: {len(odd)}")
@@ -694,9 +699,8 @@ def print_summary(reports: list[Report]) -> None:
         )
     walls = np.array([report.wall for report in done])
     if walls.size:
-        print(
-            f"\nwall time [s]: median {np.median(walls):.3g}, 90 % {np.quantile(walls, 0.9):.3g}, max {walls.max():.3g}"
-        )
+        median, most = np.quantile(walls, [0.5, 0.9])
+        print(f"\nwall time [s]: median {median:.3g}, 90 % {most:.3g}, max {walls.max():.3g}")
 
 
 def _short(value: object) -> str:

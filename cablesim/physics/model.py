@@ -93,13 +93,15 @@ class CableModel:
     def band_jacobian(self, t: float, y: Array, yp: Array, c_j: float, rows_above: int = 0) -> Array:
         """dF/dY + c_j dF/dY' in LAPACK band storage, shape (rows_above + lower + upper + 1, size).
 
-        `rows_above` leaves room for the fill of a factorisation.
+        `rows_above` leaves room for the fill of a factorisation.  Columns are contiguous, as LAPACK
+        has them.
         """
         lower, upper = self.bandwidths
-        band = np.zeros((rows_above + lower + upper + 1, y.size))
-        base = (rows_above + upper) * y.size
-        self._equations.jacobian(t, y, yp, c_j, band.reshape(-1), base, y.size, 1 - y.size, self._buffer)
-        return band
+        rows = rows_above + lower + upper + 1
+        columns = np.zeros((y.size, rows))
+        base = rows_above + upper
+        self._equations.jacobian(t, y, yp, c_j, columns.reshape(-1), base, 1, rows - 1, self._buffer)
+        return columns.T
 
     def impose_end_velocities(self, t: float, y: Array) -> None:
         """Set the velocities of prescribed ends in `y` to what their rows ask for at `t`."""

@@ -1,0 +1,294 @@
+"""How run time and memory grow with the mesh, what each skip gains, and where the time goes.
+
+Four tables: run time and peak memory from 60 to 10 000 segments (each size in a process of its own), band
+against Krylov solver below 1000 segments, the gain of each skip, and the parts of a run of S1.
+"""
+
+from __future__ import annotations
+
+from common import CASES, best_time, output_folder, parser, print_table, write_csv  # isort: skip - sets the threads
+
+import json
+import resource
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+import cablesim
+from cablesim.scene import MeshRules, Scene
+
+SIZES = (60, 125, 250, 428, 500, 1000, 2000, 5000, 10_000)
+SMALL_SIZES = (60, 250, 1000)
+
+
+def gallery(name: str) -> Scene:
+    """A case of the gallery, its positions alone kept at ten times."""
+    scene = cablesim.build_scene(cablesim.load_case(CASES / f"{name}.yaml"))
+    return replace(
+        scene,
+        output=replace(
+            scene.output, interval=scene.duration / 10, variables=("position",), markers=np.empty(0)
+        ),
+    )
+
+
+def numerics(scene: Scene, **changes: Any) -> Scene:
+    """The scene with other settings of the integrator."""
+    return replace(scene, numerics=replace(scene.numerics, **changes))
+
+
+def long_rope(segments: int, solver: str = "auto") -> Scene:
+    """S1 with a rope as long as it has segments of 5 cm, and all lengths of its motion with it."""
+    scene = gallery("sway")
+    factor = segments / 60
+    motion_b = scene.end_b.motion
+    assert motion_b is not None
+    stretched = replace(
+        motion_b, coefficients=motion_b.coefficients * np.array([factor] + [1.0] * 5)[None, :, None]
+    )
+    # the end's places are scaled, its speed is not: join the pieces again
+    places = stretched.coefficients
+    places[1:, 0] = places[0, 0] + (motion_b.coefficients[1:, 0] - motion_b.coefficients[0, 0])
+    return numerics(
+        replace(
+            scene,
+            cable=replace(scene.cable, length=scene.cable.length * factor),
+            mesh=MeshRules(segment_length=0.05),
+            end_b=replace(scene.end_b, motion=stretched),
+        ),
+        linear_solver=solver,
+    )
+
+
+def integration(scene: Scene, repeats: int) -> tuple[float, cablesim.Simulation]:
+    """Shortest integration of a scene [s], set-up and compilation left out."""
+    simulation = cablesim.Simulation(scene)
+    walls = []
+    for _ in range(repeats):
+        simulation.reset()
+        walls.append(float(simulation.run().attrs["wall_seconds"]))
+    return min(walls), simulation
+
+
+def calls(simulation: cablesim.Simulation) -> tuple[int, int]:
+    """Residual and Jacobian calls of the run just made."""
+    simulation.reset()
+    run = simulation.run()
+    return int(run.attrs["residual_calls"]), int(run.attrs["jacobian_calls"])
+
+
+# Growth ---------------------------------------------------------------------------------------------
+
+
+def measure(segments: int, solver: str) -> dict[str, Any]:
+    """One size, in this process; memory is the growth of the peak while the scene is built and run."""
+    integration(long_rope(20), 1)  # imports and compiled code are there before the memory is read
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    wall, simulation = integration(long_rope(segments, solver), 3 if segments < 2000 else 1)
+    residual_calls, jacobian_calls = calls(simulation)
+    return {
+        "segments": segments,
+        "solver": solver,
+        "wall [s]": wall,
+        "residual calls": residual_calls,
+        "Jacobians": jacobian_calls,
+        "per call [us]": 1e6 * wall / residual_calls,
+        "memory [MB]": (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024,
+    }
+
+
+def measured_apart(segments: int, solver: str) -> dict[str, Any]:
+    """`measure` in a new process."""
+    command = [sys.executable, __file__, "--one", str(segments), solver]
+    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+
+def growth(sizes: tuple[int, ...]) -> list[dict[str, Any]]:
+    """All sizes with the solver that is chosen for them, and fitted exponents."""
+    rows = [measured_apart(size, "auto") for size in sizes]
+    print_table(rows, "growth with the mesh, 5 cm segments, 10 s")
+    for quantity in ("per call [us]", "memory [MB]"):
+        for text, part in (
+            ("all", rows),
+            ("1000 and more", [row for row in rows if row["segments"] >= 1000]),
+        ):
+            if len(part) > 1:
+                x, y = ([float(row[key]) for row in part] for key in ("segments", quantity))
+                exponent = np.polyfit(np.log(x), np.log(np.maximum(y, 1e-3)), 1)[0]
+                print(f"  {quantity} grows as segments^{exponent:.2f} ({text})")
+    return rows
+
+
+def solvers(sizes: tuple[int, ...]) -> list[dict[str, Any]]:
+    """Band solver against Krylov solver with an exact preconditioner."""
+    return [measured_apart(size, solver) for size in sizes for solver in ("band", "krylov")]
+
+
+# Skips ----------------------------------------------------------------------------------------------
+
+
+def skip_rows(repeats: int) -> list[dict[str, Any]]:
+    """Each skip alone: a scene as it is compiled for, against the full three-dimensional kernel."""
+    rows = []
+    for name in ("sway", "pendulum", "v_rest"):
+        scene = numerics(gallery(name), relative_tolerance=1e-6)
+        skipped, lean = integration(scene, repeats)
+        full_wall, full = integration(numerics(scene, skip=False), repeats)
+        places = [s.run().position.values for s in (_reset(lean), _reset(full))]
+        rows.append(
+            {
+                "case": name,
+                "unknowns": lean.model.layout.size,
+                "of full": full.model.layout.size,
+                "residual [us]": residual_time(lean),
+                "full [us]": residual_time(full),
+                "per call [us]": 1e6 * skipped / calls(lean)[0],
+                "full per call [us]": 1e6 * full_wall / calls(full)[0],
+                "run: full/lean": full_wall / skipped,
+                "largest difference [m]": float(np.abs(places[0] - places[1]).max()),
+            }
+        )
+    return rows
+
+
+def one_feature_rows(repeats: int) -> list[dict[str, Any]]:
+    """S1 with one more feature compiled in that changes nothing: time of a residual and of a call."""
+    base = gallery("sway")
+    cable, water = base.cable, base.water
+    still = cablesim.scene.ProfileCurrent(heights=np.array([-10.0, 10.0]), velocities=np.zeros((2, 3)))
+    body = cablesim.scene.Attachment(
+        name="nothing", kind="body", position=1.5, mass=0.0, volume=0.0, drag_area=1e-30, added_mass=0.0
+    )
+    scenes = {
+        "S1": base,
+        "with bending": replace(base, cable=replace(cable, bending_stiffness=1e-30)),
+        "with attachment drag": replace(base, attachments=(body,)),
+        "with positions (profile)": replace(base, water=replace(water, current=still)),
+        "without damping": replace(base, cable=replace(cable, structural_damping=0.0)),
+    }
+    rows = []
+    for name, scene in scenes.items():
+        wall, simulation = integration(scene, repeats)
+        count = calls(simulation)[0]
+        rows.append(
+            {
+                "scene": name,
+                "residual [us]": residual_time(simulation),
+                "run [ms]": 1e3 * wall,
+                "residual calls": count,
+                "per call [us]": 1e6 * wall / count,
+            }
+        )
+    return rows
+
+
+def _reset(simulation: cablesim.Simulation) -> cablesim.Simulation:
+    simulation.reset()
+    return simulation
+
+
+# Parts of a run -------------------------------------------------------------------------------------
+
+
+def residual_time(simulation: cablesim.Simulation) -> float:
+    """Time of one call of the compiled residual from Python [us]."""
+    simulation.reset()
+    y, yp = simulation.state
+    out = np.empty_like(y)
+    y.flags.writeable = yp.flags.writeable = False
+    model = simulation.model
+    return 1e3 * best_time(lambda: [model.residual(0.1, y, yp, out) for _ in range(1000)], 5)
+
+
+def jacobian_time(simulation: cablesim.Simulation) -> float:
+    """Time of one call of the compiled Jacobian from Python [us]."""
+    simulation.reset()
+    y, yp = simulation.state
+    matrix = np.zeros((y.size, y.size))
+    y.flags.writeable = yp.flags.writeable = False
+    model = simulation.model
+    return 1e4 * best_time(lambda: [model.jacobian(0.1, y, yp, 100.0, matrix) for _ in range(100)], 5)
+
+
+def python_time() -> float:
+    """Time of a call of a compiled function that does nothing, through the same two Python functions [us]."""
+    small = long_rope(3)
+    return residual_time(cablesim.Simulation(small))
+
+
+def parts(repeats: int) -> list[dict[str, Any]]:
+    """Where the time of S1 goes at default settings, without output frames."""
+    wall, simulation = integration(gallery("sway"), repeats)
+    residual_calls, jacobian_calls = calls(simulation)
+    dispatch = python_time()
+    kernel = residual_calls * (residual_time(simulation) - dispatch)
+    jacobian = jacobian_calls * (jacobian_time(simulation) - dispatch)
+    python = (residual_calls + jacobian_calls) * dispatch
+    solve = residual_calls * band_solve_time(simulation) + jacobian_calls * band_factor_time(simulation)
+    rest = 1e6 * wall - kernel - jacobian - python - solve
+    shares = {
+        "residual kernel": kernel,
+        "Jacobian kernel": jacobian,
+        "calls from Python": python,
+        "linear algebra (LAPACK's time for the same band)": solve,
+        "rest: IDA's vectors, scikit-sundae's arrays, the loop": rest,
+    }
+    return [
+        {"part": name, "ms": share / 1e3, "%": 100 * share / (1e6 * wall)} for name, share in shares.items()
+    ]
+
+
+def band_matrix(simulation: cablesim.Simulation) -> tuple[np.ndarray, int, int]:
+    """Band storage of the Jacobian with room for its factors, and the bandwidths."""
+    simulation.reset()
+    y, yp = simulation.state
+    lower, upper = simulation.model.bandwidths
+    return simulation.model.band_jacobian(0.1, y, yp, 100.0, rows_above=lower), lower, upper
+
+
+def band_factor_time(simulation: cablesim.Simulation) -> float:
+    """Time of one factorisation [us]."""
+    from scipy.linalg.lapack import dgbtrf
+
+    band, lower, upper = band_matrix(simulation)
+    return 1e4 * best_time(lambda: [dgbtrf(band, lower, upper) for _ in range(100)], 5)
+
+
+def band_solve_time(simulation: cablesim.Simulation) -> float:
+    """Time of one solution with the factors [us]."""
+    from scipy.linalg.lapack import dgbtrf, dgbtrs
+
+    band, lower, upper = band_matrix(simulation)
+    factors, pivots, _ = dgbtrf(band, lower, upper)
+    right = np.ones(band.shape[1])
+    return 1e3 * best_time(lambda: [dgbtrs(factors, lower, upper, right, pivots) for _ in range(1000)], 5)
+
+
+def main() -> None:
+    """Print all tables."""
+    arguments = parser(__doc__)
+    arguments.add_argument("--one", nargs=2, metavar=("SEGMENTS", "SOLVER"), help="measure one size, as JSON")
+    options = arguments.parse_args()
+    if options.one:
+        print(json.dumps(measure(int(options.one[0]), options.one[1])))
+        return
+    started = time.perf_counter()
+    repeats = 5 if options.small else 15
+    folder = output_folder(options.output)
+    rows = growth(SMALL_SIZES if options.small else SIZES)
+    write_csv(folder / "scaling.csv", rows)
+    print_table(solvers((60,) if options.small else (60, 125, 250, 428, 500, 1000)), "band against Krylov")
+    print_table(
+        skip_rows(repeats), "what the skips of a case gain together, and that they change nothing (rtol 1e-6)"
+    )
+    print_table(one_feature_rows(repeats), "what each feature costs when it does nothing")
+    print_table(parts(repeats), "where the time of S1 goes (defaults, no frames)")
+    print(f"{time.perf_counter() - started:.0f} s")
+
+
+if __name__ == "__main__":
+    main()
