@@ -130,6 +130,7 @@ def sweep(
 def draw(rows: list[dict[str, Any]], file: Path) -> None:
     """One panel a scene and mesh; one line a variant; a dot a tolerance."""
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import NullFormatter
 
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     meshes = {
@@ -137,7 +138,13 @@ def draw(rows: list[dict[str, Any]], file: Path) -> None:
     }
     columns = max(len(found) for found in meshes.values())
     figure, axes = plt.subplots(
-        len(scenes), columns, figsize=(4.2 * columns, 3.4 * len(scenes)), layout="constrained", squeeze=False
+        len(scenes),
+        columns,
+        figsize=(4.2 * columns, 3.4 * len(scenes)),
+        layout="constrained",
+        squeeze=False,
+        sharex=True,
+        sharey="row",
     )
     for (i, scene), k in itertools.product(enumerate(scenes), range(columns)):
         panel = axes[i, k]
@@ -157,6 +164,8 @@ def draw(rows: list[dict[str, Any]], file: Path) -> None:
             )
         panel.set_title(f"{scene}, segments of {meshes[scene][k]:g} cm", fontsize=10)
         panel.grid(which="major", alpha=0.3)
+        panel.xaxis.set_minor_formatter(NullFormatter())
+        panel.yaxis.set_minor_formatter(NullFormatter())
         if i == len(scenes) - 1:
             panel.set_xlabel("RMS error [mm]")
         if k == 0:
