@@ -2,7 +2,8 @@
 
 Needs ``pip install moordyn`` and the recordings of the peers.  Set-up is left out on both sides: for MoorDyn
 only its Step calls count, for cablesim only the integration; neither stores the 500 output frames in the
-timed runs (a second run of each, with the same settings, gives the error).  cablesim with its outputs is shown too.
+timed runs (a second run of each, with the same settings, gives the error).  cablesim with its frames is shown
+beside.
 """
 
 from __future__ import annotations
