@@ -626,7 +626,8 @@ def _refuse_overshoot(motion: Motion, times: Vector, samples: Vector, noise_leve
     """
     steps = np.diff(times)[:, None]
     moves = np.diff(samples, axis=0)
-    allowed = np.abs(moves / steps).max() * steps + 10 * noise_level
+    rounding = 1e-9 * (1 + np.abs(samples).max())  # of a recording that does not move
+    allowed = np.abs(moves / steps).max() * steps + 10 * noise_level + rounding
     for fraction in (0.25, 0.5, 0.75):
         strayed = motion.position(times[:-1] + fraction * steps[:, 0]) - samples[:-1] - fraction * moves
         bad = np.flatnonzero((np.abs(strayed) > allowed).any(axis=1))

@@ -110,7 +110,7 @@ class Plan:
     kinds: int = 24
     shortest: float = 1.0
     longest: float = 20.0
-    time_limit: float = 20.0
+    time_limit: float = 60.0
 
 
 def make_scene(plan: Plan, index: int) -> Scene:
