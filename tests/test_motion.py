@@ -375,4 +375,5 @@ def test_bad_input_is_refused_with_place_and_remedy(make, message):
 def test_recording_that_does_not_move_stays_where_it_is() -> None:
     place = np.array([1.3, 2.7, -11.1])
     motion = recorded(np.arange(0.0, 3.0, 0.03), np.tile(place, (100, 1)), 0.0)
-    np.testing.assert_allclose(motion.position(np.linspace(0.0, 2.9, 50)), np.tile(place, (50, 1)), atol=1e-12)
+    found = motion.position(np.linspace(0.0, 2.9, 50))
+    np.testing.assert_allclose(found, np.tile(place, (50, 1)), atol=1e-12)
