@@ -20,6 +20,7 @@ from cablesim import recording, scene
 from cablesim.case import Case, CaseError, Problem, models
 from cablesim.case.errors import Location, nearest, suggestion
 from cablesim.case.quantities import UnitError, length_factor
+from cablesim.current_map import read_current_map
 from cablesim.saved_state import SavedStateError, read_saved_state
 from cablesim.scene import Vector
 from cablesim.variables import VARIABLES
@@ -214,7 +215,7 @@ class _Builder:
             return scene.Water(density=given.density, current=self._profile(given.current, where))
         file = self._file(given.current.file, (*where, "file"))
         with self._trying((*where, "file"), "Check the file and the names of its variables."):
-            return scene.Water(density=given.density, current=_read_map(file, given.current))
+            return scene.Water(density=given.density, current=read_current_map(file, given.current))
 
     def _profile(self, given: models.ProfileCurrent, where: Location) -> scene.ProfileCurrent:
         heights, velocities = np.array(given.heights), np.array(given.velocities)
@@ -787,81 +788,3 @@ def _numerics(given: models.Simulation) -> scene.Numerics:
         closure_feedback=given.closure_feedback,
         skip=given.skip,
     )
-
-
-_TIME_UNITS = {
-    "s": 1.0,
-    "second": 1.0,
-    "min": 60.0,
-    "minute": 60.0,
-    "h": 3600.0,
-    "hour": 3600.0,
-    "day": 86400.0,
-}
-
-
-def _read_map(file: Path, given: models.MapCurrent) -> scene.GriddedCurrent:
-    """Read a current on a grid; a coordinate that is not in the file means constant along it.
-
-    Raises
-    ------
-    ValueError
-        If a variable is missing, has other dimensions, or holds numbers that are not finite.
-    """
-    import netCDF4
-
-    with netCDF4.Dataset(file) as data:
-        names = (given.time, given.x, given.y, given.z)
-        axes = [_read_axis(data, name, is_time=name == given.time) for name in names]
-        sizes = tuple(len(axis) for axis in axes)
-        components = [
-            np.zeros(sizes) if name is None else _read_component(data, name, names, sizes)
-            for name in (given.u, given.v, given.w)
-        ]
-    velocities = np.stack(components, axis=-1)
-    for number in range(4):
-        order = np.argsort(axes[number], kind="stable")
-        axes[number] = axes[number][order]
-        velocities = np.take(velocities, order, axis=number)
-        if (np.diff(axes[number]) <= 0).any():
-            raise ValueError(f"the coordinate '{names[number]}' holds a value twice")
-    time, x, y, z = axes
-    return scene.GriddedCurrent(times=time, x=x, y=y, z=z, velocities=np.ascontiguousarray(velocities))
-
-
-def _read_axis(data: Any, name: str, *, is_time: bool) -> Vector:
-    if name not in data.variables:
-        if name in data.dimensions:
-            raise ValueError(f"the dimension '{name}' has no coordinate of that name")
-        return np.zeros(1)
-    variable = data.variables[name]
-    values: Vector = np.ma.filled(np.ma.asarray(variable[:], dtype=float), np.nan).reshape(-1)
-    if not np.isfinite(values).all():
-        raise ValueError(f"the coordinate '{name}' holds values that are not finite")
-    unit = str(getattr(variable, "units", "s" if is_time else "m"))
-    if not is_time:
-        sign = -1.0 if str(getattr(variable, "positive", "up")).lower() == "down" else 1.0
-        try:
-            return values * (sign * length_factor(unit))
-        except UnitError:
-            raise ValueError(f"the coordinate '{name}' is in '{unit}', not in a length; project it") from None
-    word = unit.split(" since ")[0].strip()
-    factor = _TIME_UNITS.get(word, _TIME_UNITS.get(word.removesuffix("s")))
-    if factor is None:
-        raise ValueError(f"the coordinate '{name}' is in '{unit}', not in a time")
-    return (values - values[0] if " since " in unit else values) * factor
-
-
-def _read_component(data: Any, name: str, names: Sequence[str], sizes: Sequence[int]) -> Vector:
-    if name not in data.variables:
-        raise ValueError(f"has no variable '{name}'; {suggestion(name, data.variables)}")
-    variable = data.variables[name]
-    other = [dimension for dimension in variable.dimensions if dimension not in names]
-    if other:
-        raise ValueError(f"the variable '{name}' has the unknown dimension '{other[0]}'")
-    values: Vector = np.ma.filled(np.ma.asarray(variable[:], dtype=float), np.nan)
-    if not np.isfinite(values).all():
-        raise ValueError(f"the variable '{name}' is not finite everywhere; fill the gaps first")
-    order = [variable.dimensions.index(axis) for axis in names if axis in variable.dimensions]
-    shape = [size if axis in variable.dimensions else 1 for axis, size in zip(names, sizes, strict=True)]
-    return np.broadcast_to(values.transpose(order).reshape(shape), tuple(sizes))

@@ -245,8 +245,7 @@ class _Quantities:
         if kind != STILL:
             places = frame.places_in(self.position[:, node])
             for k, t in enumerate(self.times):
-                axes = (p.current_times, p.current_x, p.current_y, p.current_z)
-                water_motion(kind, t, places[k], *axes, p.current_velocity, velocity[k], rate[k])
+                water_motion(kind, t, places[k], p, velocity[k], rate[k])
         return frame.vectors_out(velocity), frame.vectors_out(rate)
 
     @cached_property

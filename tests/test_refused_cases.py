@@ -90,7 +90,7 @@ def line_of(text: str, piece: str) -> int:
 
 
 def test_the_good_case_is_accepted() -> None:
-    build_scene(Case.from_yaml(GOOD))
+    assert build_scene(Case.from_yaml(GOOD)).name == Case.from_yaml(GOOD).name
 
 
 # name: (old, new, words in the message; those with a colon in front are the path)
@@ -530,7 +530,9 @@ def write_recording(path: Path, *, last: float = 6.0, bad_row: str | None = None
 
 def test_a_recording_is_accepted(tmp_path: Path) -> None:
     write_recording(tmp_path / "end.csv")
-    build_scene(Case.from_yaml(edited((END_B, RECORDED)), directory=tmp_path))
+    motion = build_scene(Case.from_yaml(edited((END_B, RECORDED)), directory=tmp_path)).end_b.motion
+    assert motion is not None
+    assert motion.position(1.0)[0] == pytest.approx(1.5 + 0.1 * np.sin(1.0), abs=2e-3)
 
 
 def test_recording_shorter_than_the_run(tmp_path: Path) -> None:

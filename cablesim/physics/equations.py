@@ -160,8 +160,10 @@ def bracket(axis, x):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def water_motion(kind, t, place, times, x, y, z, table, velocity, acceleration):
+def water_motion(kind, t, place, p, velocity, acceleration):
     """Velocity and local acceleration of the water at one place."""
+    times, x, y, z = p.current_times, p.current_x, p.current_y, p.current_z
+    table = p.current_velocity
     velocity[:] = 0.0
     acceleration[:] = 0.0
     if kind == UNIFORM:
@@ -420,18 +422,7 @@ def compile_equations(features: Features) -> Equations:
                         for e in range(n):
                             place[c] -= y[e * CELL + D + 1 + c] * p.segments[e, REFERENCE_LENGTH]
             elif MOVING_WATER:
-                water_motion(
-                    CURRENT,
-                    t,
-                    place,
-                    p.current_times,
-                    p.current_x,
-                    p.current_y,
-                    p.current_z,
-                    p.current_velocity,
-                    U,
-                    A,
-                )
+                water_motion(CURRENT, t, place, p, U, A)
             for j in range(n + 1):
                 iv = j * CELL
                 if NEEDS_PLACE and j > 0:
@@ -440,18 +431,7 @@ def compile_equations(features: Features) -> Equations:
                 if (j == 0 and not FREE_A) or (j == n and not FREE_B):
                     continue
                 if NEEDS_PLACE:
-                    water_motion(
-                        CURRENT,
-                        t,
-                        place,
-                        p.current_times,
-                        p.current_x,
-                        p.current_y,
-                        p.current_z,
-                        p.current_velocity,
-                        U,
-                        A,
-                    )
+                    water_motion(CURRENT, t, place, p, U, A)
                 mass, weight = p.nodes[j, MASS], p.nodes[j, WET_WEIGHT]
                 m_n, m_t = p.nodes[j, ADDED_NORMAL], p.nodes[j, ADDED_TANGENTIAL]
                 k_n, k_t, k_p = p.nodes[j, DRAG_NORMAL], p.nodes[j, DRAG_TANGENTIAL], p.nodes[j, DRAG_POINT]
