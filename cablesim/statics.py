@@ -33,7 +33,6 @@ from cablesim.physics.parameters import (
     WET_WEIGHT,
 )
 from cablesim.scene import (
-    CatenaryShape,
     EquilibriumShape,
     MarkerShape,
     SavedState,
@@ -673,14 +672,3 @@ def _loaded(model: CableModel, load: float):
 def _node_lengths(model: CableModel) -> Array:
     halves = 0.5 * model.parameters.segments[:, 0]
     return np.concatenate((halves, [0.0])) + np.concatenate(([0.0], halves))
-
-
-__all__ = [
-    "CatenaryShape",
-    "InitialState",
-    "Rung",
-    "StaticsError",
-    "elastic_catenary",
-    "find_initial_state",
-    "marker_directions",
-]
