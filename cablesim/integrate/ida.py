@@ -26,8 +26,9 @@ _STATUS = {
 LARGEST_BAND_SYSTEM = 1800
 """Unknowns up to which the band solver is used.
 
-scikit-sundae hands its Jacobian a full matrix, whose rows soon leave the caches.  Against GMRES a call takes
-0.6 times as long at 1750 unknowns (and 90 MB), 1.4 times at 3500 (375 MB), 3 times at 7000 (1.5 GB).
+scikit-sundae hands its Jacobian a full matrix, whose rows soon leave the caches.  In three runs on a shared
+machine a call took 0.6 to 0.9 times as long as with GMRES at 1750 unknowns (and 90 MB), 0.7 to 1.4 times at
+3500 (375 MB), 3 to 6 times at 7000 (1.5 GB).
 """
 
 _CALLS_BETWEEN_CLOCKS = 256
@@ -110,7 +111,6 @@ class IdaIntegrator:
 
         A result that is not finite is never returned: the last good one is, with its status.
         """
-        self.counters.outputs += 1
         status = Status.COMPLETED
         try:
             result = self._ida.step(t, method="normal", tstop=t_stop)
@@ -130,8 +130,8 @@ class IdaIntegrator:
         return status, self._t, self._y, self._yp
 
     def _residual(self, t: float, y: Array, yp: Array, out: Array) -> None:
-        # A Python function between IDA and the compiled one costs nothing measurable, and it is
-        # where Ctrl-C and the clock are noticed during a long advance.
+        # A Python function stands between IDA and the compiled one, because it is where Ctrl-C and
+        # the clock are noticed during a long advance.
         counters = self.counters
         counters.residual_calls += 1
         self.equations.residual(t, y, yp, out)

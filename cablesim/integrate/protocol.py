@@ -83,7 +83,6 @@ class Counters:
     residual_calls: int = 0
     jacobian_calls: int = 0
     starts: int = 0
-    outputs: int = 0
 
 
 class Integrator(Protocol):
