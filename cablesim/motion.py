@@ -39,7 +39,7 @@ _Sampler = Callable[[Vector], tuple[Vector, Vector, Vector]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
-    """A point's position as a function of time.
+    """A point's position, or the deployed length of a cable, as a function of time.
 
     On piece i, breaks[i] <= t < breaks[i+1], the position is
     ``sum_k coefficients[i, k, :] * (t - breaks[i])**k``.  Before the first break the first piece is
@@ -50,8 +50,9 @@ class Motion:
     ----------
     breaks : ndarray, shape (m+1,)
         Strictly increasing times [s], the first not after 0.
-    coefficients : ndarray, shape (m, 6, 3)
-        C-contiguous polynomial coefficients [m/s^k], lowest power first.
+    coefficients : ndarray, shape (m, 6, d)
+        C-contiguous polynomial coefficients [m/s^k], lowest power first; d is 3 for a point and 1 for
+        a length.
     corners : ndarray, shape (k,)
         Times > 0 [s] where the acceleration jumps and the velocity does not.
     jumps : ndarray, shape (k,)
@@ -75,17 +76,18 @@ class Motion:
         for name in ("breaks", "coefficients", "corners", "jumps"):
             values = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
             object.__setattr__(self, name, _finite(f"Motion.{name}", values))
-        if self.breaks.ndim != 1 or self.coefficients.shape != (self.breaks.size - 1, 6, 3):
+        pieces = (self.breaks.size - 1, 6)
+        if self.breaks.ndim != 1 or self.coefficients.shape not in ((*pieces, 3), (*pieces, 1)):
             raise ValueError(
                 f"Motion: breaks has shape {self.breaks.shape} and coefficients "
-                f"{self.coefficients.shape}; give (m+1,) and (m, 6, 3)."
+                f"{self.coefficients.shape}; give (m+1,) and (m, 6, 3), or (m, 6, 1) for a length."
             )
         _increasing("Motion.breaks", self.breaks)
         if self.breaks[0] > 0:
             raise ValueError(f"Motion.breaks[0] is {self.breaks[0]:g} s; it must not be after t = 0.")
 
     def position(self, t: ArrayLike) -> Vector:
-        """Position at `t` [m]; a scalar gives shape (3,), times of shape (k,) give (k, 3).
+        """Position at `t` [m]; a scalar gives shape (d,), times of shape (k,) give (k, d).
 
         Raises
         ------
@@ -213,6 +215,68 @@ def velocity_waypoints(position: ArrayLike, times: ArrayLike, velocities: ArrayL
     ]
     pieces.append(_linear_velocity_piece(speeds[-1], speeds[-1], _FAR))
     return _join(pieces, when, start)
+
+
+def payout_waypoints(length: float, times: ArrayLike, speeds: ArrayLike) -> Motion:
+    """Deployed length whose rate is linear in time between waypoints and constant after the last.
+
+    Parameters
+    ----------
+    length : float
+        Deployed length at t = 0 [m].
+    times : array_like, shape (m,)
+        Times of the waypoints [s], as in `velocity_waypoints`.
+    speeds : array_like, shape (m,)
+        Payout speeds at the waypoints [m/s], positive when cable goes out.
+
+    Raises
+    ------
+    ValueError
+        As `velocity_waypoints`.
+    """
+    rates = _table("payout_waypoints: speeds", np.reshape(speeds, (-1, 1)), np.size(times), 1)
+    return _along_x(velocity_waypoints(_on_x(np.array([length]))[0], times, _on_x(rates[:, 0])))
+
+
+def recorded_length(
+    times: ArrayLike, lengths: ArrayLike, noise_level: float, *, start: float | None = None
+) -> Motion:
+    """Deployed length through recorded values, smoothed before it is differentiated; see `recorded`.
+
+    Parameters
+    ----------
+    times : array_like, shape (k,)
+        Strictly increasing times of the samples [s]; k >= 6.
+    lengths : array_like, shape (k,)
+        Measured deployed lengths [m].
+    noise_level : float
+        Standard deviation of the measurement error [m]; 0 interpolates.
+    start : float, optional
+        Time of the recording [s] that becomes t = 0; by default the first sample.
+
+    Raises
+    ------
+    ValueError
+        As `recorded`.
+    """
+    samples = _table("recorded_length: lengths", np.reshape(lengths, (-1, 1)), np.size(times), 1)
+    return _along_x(recorded(times, _on_x(samples[:, 0]), noise_level, start=start))
+
+
+def _on_x(values: Vector) -> Vector:
+    """Numbers (k,) as points (k, 3) on the x axis."""
+    return np.stack([values, np.zeros_like(values), np.zeros_like(values)], axis=1)
+
+
+def _along_x(motion: Motion) -> Motion:
+    """The x component of a motion, as a length."""
+    return Motion(
+        breaks=motion.breaks,
+        coefficients=motion.coefficients[:, :, :1],
+        corners=motion.corners,
+        jumps=motion.jumps,
+        end_time=motion.end_time,
+    )
 
 
 def rov_waypoints(

@@ -8,7 +8,10 @@ unstretched material coordinate measured from end A, angles are in radians.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +28,7 @@ class Cable:
     Attributes
     ----------
     length : float
-        Unstretched length deployed between A and B [m].
+        Unstretched length [m]; with a winch of the whole cable, drum included.
     diameter : float
         Outer diameter on which drag acts [m].
     mass_per_length : float
@@ -180,6 +183,50 @@ class End:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Control:
+    """A controller of the winch and how often it is asked.
+
+    Attributes
+    ----------
+    period : float
+        Sampling period [s].
+    delay : float
+        Age of the measurements that the controller is given [s].
+    make : callable
+        Makes a fresh controller for a run: a callable from `cablesim.control.Measurement` to the
+        payout speed that it asks for [m/s].
+    """
+
+    period: float
+    delay: float
+    make: Callable[[], Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Winch:
+    """A winch at end B: the cable beyond the deployed length is on its drum.
+
+    Attributes
+    ----------
+    deployed_length : float
+        Unstretched length between A and B at t = 0 [m].
+    payout : Motion or Control
+        The deployed length as a function of time, a `Motion` of one component that starts with
+        `deployed_length`; or a controller that asks for payout speeds.
+    maximum_speed, maximum_acceleration : float
+        What the winch can do [m/s], [m/s2]; a controller gets no more, a program may not ask for more.
+    minimum_length : float
+        The run stops when the deployed length falls to this [m].
+    """
+
+    deployed_length: float
+    payout: Motion | Control
+    maximum_speed: float = math.inf
+    maximum_acceleration: float = math.inf
+    minimum_length: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class Refinement:
     """Segments no longer than `segment_length` for |s - position| <= `within` [m]."""
 
@@ -305,7 +352,8 @@ class Output:
 class Scene:
     """Everything one simulation needs.
 
-    `gravity` [m/s2] acts along -z; `source` is the case as text, kept with the results.
+    `gravity` [m/s2] acts along -z; `source` is the case as text, kept with the results; `winch` is
+    ``None`` for a cable of fixed length.
     """
 
     name: str
@@ -322,3 +370,9 @@ class Scene:
     numerics: Numerics
     output: Output
     source: str = ""
+    winch: Winch | None = None
+
+    @property
+    def start_length(self) -> float:
+        """Unstretched length between A and B at t = 0 [m]."""
+        return self.cable.length if self.winch is None else self.winch.deployed_length
