@@ -394,18 +394,7 @@ def _writing(file: Path) -> Iterator[None]:
 
 def _dataset_at_start(simulation: Simulation) -> xr.Dataset:
     """Make a result of no duration: the initial state alone."""
-    import numpy as np
-
-    from cablesim.trajectory import History, build_dataset
-
-    history = History(np.array([simulation.time]), simulation.model.layout.size)
-    history.record(*simulation.state)
-    attributes = {
-        "status": "completed",
-        "message": "Rest shape.",
-        "initial_shape": simulation.initial.message,
-    }
-    return build_dataset(simulation.scene, simulation.mesh, simulation.model, history, attributes)
+    return simulation.present({"status": "completed", "message": "Rest shape."})
 
 
 def _read_result(path: Path) -> xr.Dataset:

@@ -31,6 +31,8 @@ _PIECES_PER_PERIOD = 40  # 3e-10 of the amplitude
 _CHECKS = 4  # sub-intervals of a piece at whose ends the fit is checked
 _JUMP_TOLERANCE = 1e-9  # of the greatest speed at a waypoint
 _CORNER_TOLERANCE = 1e-6  # of the greatest acceleration at a waypoint
+_RATE_SAMPLES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a piece, for the bound on its rate
+_RATE_MARGIN = 1.05  # on the fastest of them
 _MINIMUM_SAMPLES = 6  # a quintic has six coefficients
 
 # Times (k,) from 0 on -> positions, velocities, accelerations (k, 3)
@@ -483,6 +485,41 @@ def recorded(
     motion = Motion(breaks=breaks, coefficients=coefficients, end_time=float(breaks[-1]))
     _refuse_overshoot(motion, when - origin, samples, noise_level)
     return motion
+
+
+def earliest_fall(breaks: Vector, coefficients: Vector, t: float, fall: float) -> float:
+    """Time before which a piecewise polynomial cannot have fallen by `fall` from its value at `t`.
+
+    Parameters
+    ----------
+    breaks : ndarray, shape (m+1,)
+        As in `Motion`.
+    coefficients : ndarray, shape (m, 6)
+        As in `Motion`, of one component.
+    t, fall : float
+        Time [s], and a positive fall [m].
+
+    Returns
+    -------
+    float
+        A lower bound [s], near the time itself where the rate is even; infinite when it never falls.
+    """
+    first = min(max(int(np.searchsorted(breaks, t, side="right")) - 1, 0), len(coefficients) - 1)
+    for piece in range(first, len(coefficients)):
+        c = coefficients[piece].tolist()
+        origin = float(breaks[piece])
+        start = max(t - origin, 0.0)
+        length = float(breaks[piece + 1]) - origin - start
+        fastest = 0.0
+        for share in _RATE_SAMPLES:
+            x = start + share * length
+            rate = c[1] + x * (2.0 * c[2] + x * (3.0 * c[3] + x * (4.0 * c[4] + x * 5.0 * c[5])))
+            fastest = max(fastest, -rate)
+        fastest *= _RATE_MARGIN
+        if fastest * length >= fall:
+            return origin + start + fall / fastest
+        fall -= fastest * length
+    return math.inf
 
 
 def evaluate_pieces(coefficients: Vector, local: Vector, derivative: int) -> Vector:

@@ -26,10 +26,7 @@ from cablesim.mesh import Mesh
 from cablesim.physics.model import CableModel, build_model
 from cablesim.physics.needs import scene_frame
 from cablesim.physics.parameters import (
-    ADDED_NORMAL,
-    ADDED_TANGENTIAL,
     DRAG_POINT,
-    MASS,
     WET_WEIGHT,
 )
 from cablesim.scene import (
@@ -166,7 +163,7 @@ def _first_guess(scene: Scene, mesh: Mesh) -> Guess:
         )
     if isinstance(shape, EquilibriumShape) and shape.guess is not None:
         arc = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(shape.guess, axis=0), axis=1))))
-        arc *= scene.cable.length / arc[-1]
+        arc *= scene.start_length / arc[-1]
         return Guess(marker_directions(arc, shape.guess, mesh.nodes), np.zeros(mesh.segments), Rung.MARKERS)
     if isinstance(shape, TautShape) and shape.direction is not None:
         return _straight(shape.direction, 0.0, mesh)
@@ -191,7 +188,8 @@ def _hanging(scene: Scene, mesh: Mesh) -> Guess:
 
 def _node_weights(scene: Scene, mesh: Mesh) -> Array:
     weight = scene.cable.wet_weight * mesh.node_lengths
-    for attachment, node in zip(scene.attachments, mesh.attachment_nodes, strict=True):
+    for index, node in mesh.in_water():
+        attachment = scene.attachments[index]
         weight[node] += (attachment.mass - scene.water.density * attachment.volume) * scene.gravity
     return weight
 
@@ -203,17 +201,20 @@ def _between_ends(scene: Scene, mesh: Mesh) -> Guess:
     cable = scene.cable
     span = scene.end_b.motion.position(0.0) - scene.end_a.motion.position(0.0)
     distance = float(np.linalg.norm(span))
-    if distance >= cable.length:
-        return _straight(span / distance, cable.axial_stiffness * (distance / cable.length - 1.0), mesh)
+    if distance >= scene.start_length:
+        return _straight(span / distance, cable.axial_stiffness * (distance / scene.start_length - 1.0), mesh)
     middle = 0.5 * (mesh.nodes[1:] + mesh.nodes[:-1])
-    weight = float(_node_weights(scene, mesh).sum()) / cable.length
-    if abs(cable.wet_weight) * cable.length > 1e-3 * abs(weight * cable.length) and cable.wet_weight != 0.0:
-        force = elastic_catenary(span, cable.length, cable.wet_weight, cable.axial_stiffness)
+    weight = float(_node_weights(scene, mesh).sum()) / scene.start_length
+    if (
+        abs(cable.wet_weight) * scene.start_length > 1e-3 * abs(weight * scene.start_length)
+        and cable.wet_weight != 0.0
+    ):
+        force = elastic_catenary(span, scene.start_length, cable.wet_weight, cable.axial_stiffness)
         pull = force[None, :] + np.outer(middle, [0.0, 0.0, cable.wet_weight])
         tension = np.linalg.norm(pull, axis=1)
         return Guess(pull / tension[:, None], tension, Rung.CATENARY)
     return Guess(
-        _arc_directions(span, cable.length, middle, down=weight >= 0.0),
+        _arc_directions(span, scene.start_length, middle, down=weight >= 0.0),
         np.zeros(mesh.segments),
         Rung.CATENARY,
     )
@@ -329,7 +330,9 @@ def _state_of(guess: Guess, model: CableModel, scene: Scene) -> Array:
     layout = model.layout
     y = np.zeros(layout.size)
     strain = guess.tension / scene.cable.axial_stiffness
-    layout.chord(y)[:] = model.frame.vectors_in(guess.directions) * (1.0 + strain)[:, None]
+    layout.chord(y)[:] = (
+        model.frame.vectors_in(guess.directions) * ((1.0 + strain) * model.unstretched)[:, None]
+    )
     layout.tension(y)[:] = guess.tension
     if scene.end_a.motion is None:
         layout.end_place(y)[:] = _start_of_end_b(scene, model)
@@ -361,7 +364,7 @@ def _close(y: Array, model: CableModel, strain: Array) -> bool:
     stretched evenly further, and holds the tension that goes with it.
     """
     features, layout = model.features, model.layout
-    lengths = model.parameters.segments[:, 1] * (1.0 + strain)
+    lengths = model.parameters.segments[:, 0] * (1.0 + strain)
     directions = layout.chord(y) / np.linalg.norm(layout.chord(y), axis=1)[:, None]
     taut = 1.0
     if not (features.free_a or features.free_b):
@@ -369,7 +372,7 @@ def _close(y: Array, model: CableModel, strain: Array) -> bool:
         taut = max(1.0, float(np.linalg.norm(target)) / lengths.sum())
         directions = _turned(directions, lengths, target / taut)
     strain = taut * (1.0 + strain) - 1.0
-    layout.chord(y)[:] = (1.0 + strain)[:, None] * directions
+    layout.chord(y)[:] = ((1.0 + strain) * model.unstretched)[:, None] * directions
     layout.tension(y)[:] = model.parameters.constants[0] * strain
     if not features.free_a:
         layout.end_place(y)[:] = _sum_of_chords(y, model)
@@ -416,7 +419,7 @@ def _momentum_tension(y: Array, model: CableModel) -> Array:
     Weighted with the inverse of the mass this is Gauss' principle of least constraint: segments keep
     their lengths at the first instant, so that no axial wave starts.  Tri-diagonal.
     """
-    layout, parameters = model.layout, model.parameters
+    layout = model.layout
     n = layout.segments
     trial = y.copy()
     layout.tension(trial)[:] = 0.0
@@ -424,25 +427,16 @@ def _momentum_tension(y: Array, model: CableModel) -> Array:
     model.residual(0.0, trial, np.zeros(layout.size), force)
     chord = layout.chord(y)
     tangent = chord / np.linalg.norm(chord, axis=1)[:, None]
-    mass = parameters.nodes[:, MASS] + parameters.nodes[:, ADDED_NORMAL]
-    softer = parameters.nodes[:, ADDED_NORMAL] - parameters.nodes[:, ADDED_TANGENTIAL]
-    mean = np.concatenate((tangent[:1], tangent[1:] + tangent[:-1], tangent[-1:]))
-    mean /= np.maximum(np.linalg.norm(mean, axis=1), 1e-12)[:, None]
-
-    def accelerate(nodes: slice, vectors: Array) -> Array:
-        """Inverse of m I - softer m m^T (Sherman and Morrison), row by row."""
-        along = np.sum(mean[nodes] * vectors, axis=1)
-        factor = softer[nodes] / (mass[nodes] - softer[nodes]) * along
-        return (vectors + factor[:, None] * mean[nodes]) / mass[nodes][:, None]
-
     free = np.ones(n + 1)
     free[0], free[n] = float(model.features.free_a), float(model.features.free_b)
     rows = np.concatenate((layout.velocity(force), layout.end_velocity(force)[None]))
-    acceleration = -accelerate(slice(None), rows) * free[:, None]
-    right = free[1:, None] * accelerate(slice(1, None), tangent)
-    left = free[:-1, None] * accelerate(slice(0, n), tangent)
+    acceleration = -model.accelerations(y, rows) * free[:, None]
+    right = free[1:, None] * model.accelerations(y, tangent, slice(1, None))
+    left = free[:-1, None] * model.accelerations(y, tangent, slice(0, n))
     diagonal = np.sum(tangent * (left + right), axis=1)
-    coupling = -np.sum(tangent[1:] * free[1:-1, None] * accelerate(slice(1, n), tangent[:-1]), axis=1)
+    coupling = -np.sum(
+        tangent[1:] * free[1:-1, None] * model.accelerations(y, tangent[:-1], slice(1, n)), axis=1
+    )
     diagonal += 1e-12 * diagonal.max()
     band = np.stack((np.concatenate(([0.0], coupling)), diagonal))
     return solveh_banded(band, np.sum(tangent * np.diff(acceleration, axis=0), axis=1))
@@ -487,17 +481,17 @@ def _resumed(saved: SavedState, scene: Scene, mesh: Mesh, model: CableModel) -> 
     velocity = np.stack([np.interp(mesh.nodes, saved.arc, saved.velocities[:, c]) for c in range(3)], axis=1)
     layout.velocity(y)[:] = frame.vectors_in(velocity[:-1])
     layout.end_velocity(y)[:] = frame.vectors_in(velocity[-1])
-    layout.chord(y)[:] = frame.vectors_in(_saved_chords(saved, mesh.nodes)) / mesh.lengths[:, None]
+    layout.chord(y)[:] = frame.vectors_in(_saved_chords(saved, mesh.nodes)) / mesh.reference_lengths[:, None]
     free_a = scene.end_a.motion is None
     layout.end_place(y)[:] = frame.places_in(saved.positions[-1]) if free_a else _sum_of_chords(y, model)
     middle, saved_middle = (0.5 * (nodes[1:] + nodes[:-1]) for nodes in (mesh.nodes, saved.arc))
     force = np.interp(middle, saved_middle, saved.tension)
     # force = T + tau T', and the tension row gives T' = EA (stretching/l + beta (strain - T/EA))
-    length = np.linalg.norm(layout.chord(y), axis=1)
+    size = np.linalg.norm(layout.chord(y), axis=1)
     change = np.diff(layout.node_velocity(y), axis=0)
-    stretching = np.sum(change * layout.chord(y), axis=1) / (length * mesh.lengths)
+    stretching = np.sum(change * layout.chord(y), axis=1) / (size * mesh.lengths)
     stiffness, tau, beta = constants[0], constants[2], constants[3]
-    rate = stiffness * (stretching + beta * (length - 1.0))
+    rate = stiffness * (stretching + beta * (size / model.unstretched - 1.0))
     layout.tension(y)[:] = (force - tau * rate) / (1.0 - tau * beta)
     model.impose_end_velocities(0.0, y)
     search = _Search(model, np.zeros(layout.dimension))
@@ -649,7 +643,7 @@ def _closure_defect(y: Array, model: CableModel) -> Array:
 
 
 def _stopped(model: CableModel, velocity: Array):
-    """Parameters with both ends in uniform motion through their places at t = 0."""
+    """Parameters with both ends in uniform motion through their places at t = 0, and the winch at rest."""
     changes = {}
     for end in ("a", "b"):
         coefficients = np.zeros((1, 6, model.layout.dimension))
@@ -657,6 +651,9 @@ def _stopped(model: CableModel, velocity: Array):
         coefficients[0, 1] = velocity
         changes[f"coefficients_{end}"] = coefficients
         changes[f"breaks_{end}"] = np.array([0.0, 1e9])
+    changes["winch_coefficients"] = np.zeros((1, 6, 1))
+    changes["winch_coefficients"][0, 0] = model.deployed_length(0.0)[0]
+    changes["winch_breaks"] = np.array([0.0, 1e9])
     return model.parameters._replace(**changes)
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from cablesim.mesh import Mesh
 from cablesim.motion import evaluate_pieces
 from cablesim.physics.equations import water_motion
+from cablesim.physics.layout import StateLayout
 from cablesim.physics.model import CableModel
 from cablesim.physics.needs import describe_needs
 from cablesim.physics.parameters import (
@@ -41,35 +42,82 @@ Array = NDArray[np.float64]
 CONVENTIONS = "CF-1.11"
 
 
+@dataclass(frozen=True)
+class WinchEvent:
+    """A node that appeared at the winch or went on its drum.
+
+    Attributes
+    ----------
+    time : float
+        [s].
+    change : int
+        +1 for a node that appeared, -1 for one that went.
+    energy_change : float
+        Change of kinetic energy [J].
+    momentum_change : float
+        Size of the change of momentum, added mass included [kg m/s].
+    """
+
+    time: float
+    change: int
+    energy_change: float
+    momentum_change: float
+
+
 class History:
     """States at the output times, as far as the run came.
+
+    States of a cable on a winch are kept on the mesh of the whole cable, with all that is on the drum
+    drawn together at the winch: segments without length that go on with the last tension and direction.
+    So every formula holds for them as it stands; `build_dataset` takes them out in the end.
 
     Parameters
     ----------
     times : ndarray, shape (k,)
         Output times [s].
-    size : int
-        Length of Y.
+    layout : StateLayout
+        Of the model, or for a winch that of the whole cable.
     """
 
-    def __init__(self, times: Array, size: int) -> None:
+    def __init__(self, times: Array, layout: StateLayout) -> None:
         self.times = times
-        self._y = np.empty((times.size, size))
-        self._yp = np.empty((times.size, size))
+        self.layout = layout
+        self.events: list[WinchEvent] = []
+        self._y = np.empty((times.size, layout.size))
+        self._yp = np.empty((times.size, layout.size))
+        self._segments = np.full(times.size, layout.segments)
+        self._deployed = np.zeros((times.size, 3))
         self._count = 0
 
-    def record(self, y: Array, yp: Array) -> None:
-        """Keep the state of the next output time."""
-        self._y[self._count] = y
-        self._yp[self._count] = yp
+    def record(self, y: Array, yp: Array, deployed: Array | None = None) -> None:
+        """Keep the state of the next output time.
+
+        `deployed` is the deployed length [m] of a winch, its speed [m/s] and acceleration [m/s2].
+        """
+        k = self._count
+        self._y[k] = self._whole(y)
+        self._yp[k] = self._whole(yp)
+        if deployed is not None:
+            self._segments[k] = (y.size - 2 * self.layout.dimension) // self.layout.cell
+            self._deployed[k] = deployed
         self._count += 1
 
-    def close(self, t: float, y: Array, yp: Array) -> None:
+    def close(self, t: float, y: Array, yp: Array, deployed: Array | None = None) -> None:
         """End early: keep the last good state when it is later than the last output."""
         if t > self.times[self._count - 1]:
             self.times[self._count] = t
-            self.record(y, yp)
+            self.record(y, yp, deployed)
         self.times = self.times[: self._count]
+
+    def _whole(self, y: Array) -> Array:
+        """A state with its missing cells filled in: at rest relative to the winch, as the last segment."""
+        missing = self.layout.size - y.size
+        if missing == 0:
+            return y
+        d, cell = self.layout.dimension, self.layout.cell
+        closing = y[-2 * d :]
+        on_drum = np.concatenate((closing[:d], y[-2 * d - cell + d : -2 * d]))
+        return np.concatenate((y[: -2 * d], np.tile(on_drum, missing // cell), closing))
 
     @property
     def y(self) -> Array:
@@ -80,6 +128,16 @@ class History:
     def yp(self) -> Array:
         """Their rates, shape (recorded, size)."""
         return self._yp[: self._count]
+
+    @property
+    def segments(self) -> NDArray[np.int64]:
+        """Segments deployed, shape (recorded,)."""
+        return self._segments[: self._count]
+
+    @property
+    def deployed(self) -> Array:
+        """Deployed length, its speed and acceleration, shape (recorded, 3)."""
+        return self._deployed[: self._count]
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,9 +154,49 @@ class _Quantities:
         return self.history.times
 
     @cached_property
+    def on_winch(self) -> bool:
+        return self.scene.winch is not None
+
+    @cached_property
+    def last_segment(self) -> NDArray[np.int64]:
+        """Index of the segment that ends at B, shape (time, 1)."""
+        return self.history.segments[:, None] - 1
+
+    @cached_property
+    def lengths(self) -> Array:
+        """Unstretched lengths, shape (time, segment), or (1, segment) where they do not change."""
+        if not self.on_winch:
+            return self.mesh.lengths[None]
+        index = np.arange(self.mesh.segments)
+        out = self.history.deployed[:, :1] - self.mesh.nodes[self.last_segment]
+        return np.where(
+            index < self.last_segment, self.mesh.lengths, np.where(index == self.last_segment, out, 0.0)
+        )
+
+    @cached_property
+    def node_lengths(self) -> Array:
+        """Half of both neighbouring segments, shape (time or 1, node)."""
+        halves = np.pad(0.5 * self.lengths, ((0, 0), (1, 1)))
+        return halves[:, 1:] + halves[:, :-1]
+
+    @cached_property
+    def loads(self) -> Array:
+        """Rows of the nodes as in `physics.parameters`, shape (time or 1, node, 8)."""
+        table = self.model.parameters.nodes
+        if not self.on_winch:
+            return table[None]
+        per_metre = self.model.parameters.winch_loads[1]
+        bodies = table - self.mesh.node_lengths[:, None] * per_metre
+        out = np.arange(len(table)) <= self.last_segment
+        return self.node_lengths[..., None] * per_metre + out[..., None] * bodies
+
+    @cached_property
     def chords(self) -> Array:
         lengths = self.model.parameters.segments[:, REFERENCE_LENGTH, None]
-        return self.model.frame.vectors_out(lengths * self.model.layout.chord(self.history.y))
+        chords = self.model.frame.vectors_out(lengths * self.model.layout.chord(self.history.y))
+        if self.on_winch:
+            chords[np.arange(self.mesh.segments) > self.last_segment] = 0.0
+        return chords
 
     @cached_property
     def position(self) -> Array:
@@ -111,7 +209,11 @@ class _Quantities:
 
     @cached_property
     def velocity(self) -> Array:
-        return self.model.frame.vectors_out(self.model.layout.node_velocity(self.history.y))
+        velocity = self.model.frame.vectors_out(self.model.layout.node_velocity(self.history.y))
+        if self.on_winch:  # the material leaves the winch with V_n - L' (1 + eps) t
+            flow = (self.history.deployed[:, 1] * self._winch_stretch)[:, None] * self.tangent[:, -1]
+            velocity[self._at_winch] = np.repeat(velocity[:, -1] - flow, self._at_winch.sum(axis=1), axis=0)
+        return velocity
 
     @cached_property
     def acceleration(self) -> Array:
@@ -119,15 +221,41 @@ class _Quantities:
         for node, end in ((0, self.scene.end_a), (-1, self.scene.end_b)):
             if end.motion is not None:  # the integrator's rate of an algebraic unknown is only an estimate
                 rates[:, node] = self.model.frame.vectors_out(self._end_motion("a" if node == 0 else "b", 2))
+        if self.on_winch:
+            rates[self._at_winch] = np.repeat(
+                rates[:, -1] - self._flow_acceleration, self._at_winch.sum(axis=1), axis=0
+            )
         return rates
 
     @cached_property
-    def chord_lengths(self) -> Array:
-        return np.sqrt(np.einsum("tec,tec->te", self.chords, self.chords))
+    def _at_winch(self) -> NDArray[np.bool_]:
+        """Nodes that are drawn together at the winch, shape (time, node)."""
+        return np.arange(self.mesh.segments + 1) > self.last_segment
+
+    @cached_property
+    def _winch_stretch(self) -> Array:
+        return 1.0 + self.strain_tension[:, -1] / self.scene.cable.axial_stiffness
+
+    @cached_property
+    def _flow_acceleration(self) -> Array:
+        """What the material's velocity at the winch loses to that of the winch, per second.
+
+        d/dt (V_n - L' (1 + eps) t) follows the winch; the material there moves on with L' along s.
+        """
+        speed, gain = self.history.deployed[:, 1, None], self.history.deployed[:, 2, None]
+        tangent, stretch = self.tangent[:, -1], self._winch_stretch[:, None]
+        rate = self.model.frame.vectors_out(self.model.layout.chord(self.history.yp)[:, -1])
+        size = np.linalg.norm(self.model.layout.chord(self.history.y)[:, -1], axis=1)[:, None]
+        turning = (rate - np.einsum("tc,tc->t", rate, tangent)[:, None] * tangent) / size
+        last = np.take_along_axis(self.lengths, self.last_segment, axis=1)
+        free = np.take_along_axis(self.velocity, self.last_segment[..., None], axis=1)[:, 0]
+        along = (self.velocity[:, -1] - free) / last
+        return stretch * (gain * tangent + speed * turning) + speed * along
 
     @cached_property
     def tangent(self) -> Array:
-        return self.chords / self.chord_lengths[..., None]
+        chord = self.model.frame.vectors_out(self.model.layout.chord(self.history.y))
+        return chord / np.sqrt(np.einsum("tec,tec->te", chord, chord))[..., None]
 
     @cached_property
     def node_tangent(self) -> Array:
@@ -161,7 +289,8 @@ class _Quantities:
         pull_after = -moment * (before - cosine[..., None] * after)  # of joint j on segment j
         pull_before = -moment * (after - cosine[..., None] * before)  # and on segment j-1
         result += pull_after[:, :-1] + pull_before[:, 1:]
-        return result / self.chord_lengths[..., None]
+        sizes = np.sqrt(np.einsum("tec,tec->te", self.chords, self.chords))
+        return result / np.maximum(sizes, 1e-30)[..., None]
 
     @cached_property
     def _joints(self) -> tuple[Array, Array, Array]:
@@ -171,9 +300,17 @@ class _Quantities:
         shape = (t.shape[0], 1, 3)
         before = np.concatenate((np.broadcast_to(clamps[0], shape), t), axis=1)
         after = np.concatenate((t, np.broadcast_to(clamps[1], shape)), axis=1)
-        stiffness = 2.0 * self.scene.cable.bending_stiffness / self.mesh.node_lengths
-        stiffness[0] *= float(self.model.features.clamp_a)
-        stiffness[-1] *= float(self.model.features.clamp_b)
+        after[self._at_winch] = clamps[1]
+        stiffness = np.zeros((len(self.node_lengths), t.shape[1] + 1))
+        np.divide(
+            2.0 * self.scene.cable.bending_stiffness,
+            self.node_lengths,
+            out=stiffness,
+            where=self.node_lengths > 0.0,
+        )
+        stiffness[:, 0] *= float(self.model.features.clamp_a)
+        if not self.model.features.clamp_b:
+            stiffness = np.where(self._at_winch, 0.0, stiffness)
         return before, after, stiffness
 
     @cached_property
@@ -218,13 +355,20 @@ class _Quantities:
         """Balance of forces (2) of the two end nodes, solved for what holds them."""
         force = np.empty((self.times.size, 2, 3))
         for k, (node, segment, sign) in enumerate(((0, 0, 1.0), (-1, -1, -1.0))):
-            pull = self.tension[:, segment, None] * self.tangent[:, segment] + self.shear[:, segment]
+            pull = self.tension[:, segment, None] * self.tangent[:, segment] + self._end_shear[:, k]
             force[:, k] = sign * pull - self._node_load(node)
         return force
 
+    @cached_property
+    def _end_shear(self) -> Array:
+        """Shear (time, 2, 3) of the segments at A and B."""
+        last = np.take_along_axis(self.shear, self.last_segment[..., None], axis=1)
+        return np.concatenate((self.shear[:, :1], last), axis=1)
+
     def _node_load(self, node: int) -> Array:
-        """Inertia, drag and weight (time, 3) of one node, as in the node loop of `physics.equations`."""
-        p = self.model.parameters.nodes[node]
+        """Inertia, drag and weight (time, 3) of an end node, as in the node loop of `physics.equations`."""
+        columns = self.loads[:, 0] if node == 0 else self._load_at_b
+        p = columns.T[:, :, None]
         m = self.node_tangent[:, node]
         water, water_rate = self._water(node)
         v, a = self.velocity[:, node] - water, self.acceleration[:, node] - water_rate
@@ -236,7 +380,14 @@ class _Quantities:
         load += p[DRAG_NORMAL] * np.linalg.norm(v_n, axis=1, keepdims=True) * v_n
         load += p[DRAG_TANGENTIAL] * np.abs(v_t) * v_t * m
         load += p[DRAG_POINT] * np.linalg.norm(v, axis=1, keepdims=True) * v
-        return load + np.array([0.0, 0.0, p[WET_WEIGHT]])
+        return load + p[WET_WEIGHT] * np.array([0.0, 0.0, 1.0])
+
+    @cached_property
+    def _load_at_b(self) -> Array:
+        """Row (time or 1, 8) of the node at B; all nodes after it stand in the same place with nothing."""
+        if not self.on_winch:
+            return self.loads[:, -1]
+        return np.take_along_axis(self.loads, self.last_segment[..., None] + 1, axis=1)[:, 0]
 
     def _water(self, node: int) -> tuple[Array, Array]:
         """Velocity and acceleration (time, 3) of the water at one node."""
@@ -249,32 +400,64 @@ class _Quantities:
         return frame.vectors_out(velocity), frame.vectors_out(rate)
 
     @cached_property
+    def deployed_length(self) -> Array:
+        return self.history.deployed[:, 0]
+
+    @cached_property
+    def payout_speed(self) -> Array:
+        return self.history.deployed[:, 1]
+
+    @cached_property
+    def winch_event_time(self) -> Array:
+        return np.array([event.time for event in self.history.events])
+
+    @cached_property
+    def winch_event_change(self) -> Array:
+        return np.array([event.change for event in self.history.events], dtype=np.int64)
+
+    @cached_property
+    def winch_event_energy_change(self) -> Array:
+        return np.array([event.energy_change for event in self.history.events])
+
+    @cached_property
+    def winch_event_momentum_change(self) -> Array:
+        return np.array([event.momentum_change for event in self.history.events])
+
+    @cached_property
     def attachment_position(self) -> Array:
-        return self.position[:, self.mesh.attachment_nodes]
+        nodes = self.mesh.attachment_nodes
+        there = nodes <= self.last_segment if self.on_winch else True
+        return np.where(np.expand_dims(there, -1), self.position[:, nodes], np.nan)
 
     @cached_property
     def marker_position(self) -> Array:
         s = self.scene.output.markers
-        segment = np.clip(np.searchsorted(self.mesh.nodes, s, side="right") - 1, 0, self.mesh.segments - 1)
-        share = ((s - self.mesh.nodes[segment]) / self.mesh.lengths[segment])[None, :, None]
-        return (1.0 - share) * self.position[:, segment] + share * self.position[:, segment + 1]
+        last = self.last_segment if self.on_winch else self.mesh.segments - 1
+        segment = np.clip(np.searchsorted(self.mesh.nodes, s, side="right") - 1, 0, last)
+        segment = np.broadcast_to(segment, (self.times.size, s.size))
+        lengths = np.broadcast_to(self.lengths, (self.times.size, self.mesh.segments))
+        share = (s - self.mesh.nodes[segment]) / np.take_along_axis(lengths, segment, axis=1)
+        left = np.take_along_axis(self.position, segment[..., None], axis=1)
+        right = np.take_along_axis(self.position, segment[..., None] + 1, axis=1)
+        places = left + share[..., None] * (right - left)
+        return np.where(share[..., None] <= 1.0 + 1e-9, places, np.nan)
 
     @cached_property
     def kinetic_energy(self) -> Array:
-        p = self.model.parameters.nodes
         square = np.einsum("tnc,tnc->tn", self.velocity, self.velocity)
         along = self.velocity_tangential**2
-        return 0.5 * (
-            square @ (p[:, MASS] + p[:, ADDED_NORMAL]) - along @ (p[:, ADDED_NORMAL] - p[:, ADDED_TANGENTIAL])
-        )
+        mass, normal, tangential = (self.loads[..., k] for k in (MASS, ADDED_NORMAL, ADDED_TANGENTIAL))
+        return 0.5 * np.sum(square * (mass + normal) - along * (normal - tangential), axis=1)
 
     @cached_property
     def potential_energy(self) -> Array:
-        return self.position[..., 2] @ self.model.parameters.nodes[:, WET_WEIGHT]
+        return np.sum(self.position[..., 2] * self.loads[..., WET_WEIGHT], axis=1)
 
     @cached_property
     def elastic_energy(self) -> Array:
-        return (self.strain_tension**2) @ (0.5 * self.mesh.lengths / self.scene.cable.axial_stiffness)
+        return np.sum(self.strain_tension**2 * self.lengths, axis=1) / (
+            2.0 * self.scene.cable.axial_stiffness
+        )
 
     @cached_property
     def bending_energy(self) -> Array:
@@ -282,7 +465,7 @@ class _Quantities:
             return np.zeros(self.times.size)
         before, after, stiffness = self._joints
         opening = np.maximum(1.0 + np.einsum("tjc,tjc->tj", before, after), 1e-9)
-        return -np.log(0.5 * opening)[:, stiffness > 0.0] @ stiffness[stiffness > 0.0]
+        return -np.sum(np.log(0.5 * opening) * stiffness, axis=1)
 
     @cached_property
     def closure_error(self) -> Array:
@@ -333,7 +516,7 @@ def build_dataset(
     Parameters
     ----------
     scene, mesh, model
-        What was simulated.
+        What was simulated; for a winch the mesh and the model of the whole cable.
     history : History
         States at the output times.
     attributes : dict
@@ -351,8 +534,26 @@ def build_dataset(
         variable = VARIABLES[name]
         if variable.needed(scene):
             attrs = {"units": variable.units, "long_name": variable.long_name}
-            data[name] = (variable.dimensions, getattr(quantities, name), attrs)
+            values = getattr(quantities, name)
+            if scene.winch is not None:
+                values = _without_drum(values, variable.dimensions, history.segments)
+            data[name] = (variable.dimensions, values, attrs)
     return xr.Dataset(data, _coordinates(scene, mesh, history), _attributes(scene, model, attributes))
+
+
+def _without_drum(values: Array, dimensions: tuple[str, ...], segments: NDArray[np.int64]) -> Array:
+    """NaN for what is on the drum; the last slot is that of the winch, and of the segment that ends there."""
+    if "node" in dimensions:
+        slots = np.arange(values.shape[1])
+        on_drum = (slots >= segments[:, None]) & (slots < slots[-1])
+    elif "segment" in dimensions:
+        slots = np.arange(values.shape[1])
+        values = values.copy()
+        values[:, -1] = values[np.arange(len(values)), segments - 1]
+        on_drum = (slots >= segments[:, None] - 1) & (slots < slots[-1])
+    else:
+        return values
+    return np.where(on_drum.reshape(on_drum.shape + (1,) * (values.ndim - 2)), np.nan, values)
 
 
 def _coordinates(scene: Scene, mesh: Mesh, history: History) -> dict[str, object]:

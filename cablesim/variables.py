@@ -21,7 +21,12 @@ class Variable:
     needed: Callable[[Scene], bool] = lambda scene: True
 
 
-_NODE, _SEGMENT = ("time", "node"), ("time", "segment")
+_NODE, _SEGMENT, _EVENT = ("time", "node"), ("time", "segment"), ("winch_event",)
+
+
+def _has_winch(scene: Scene) -> bool:
+    return scene.winch is not None
+
 
 VARIABLES: dict[str, Variable] = {
     "position": Variable((*_NODE, "axis"), "m", "position of the nodes in the world frame, z up"),
@@ -53,6 +58,12 @@ VARIABLES: dict[str, Variable] = {
     "potential_energy": Variable(("time",), "J", "potential energy of the weight in water, nought at z = 0"),
     "elastic_energy": Variable(("time",), "J", "energy of stretching"),
     "bending_energy": Variable(("time",), "J", "energy of bending"),
+    "deployed_length": Variable(("time",), "m", "unstretched length between end A and the winch", _has_winch),
+    "payout_speed": Variable(("time",), "m s-1", "rate of the deployed length", _has_winch),
+    "winch_event_time": Variable(_EVENT, "s", "time at which a node came out or went in", _has_winch),
+    "winch_event_change": Variable(_EVENT, "1", "+1: a node came out, -1: it went on the drum", _has_winch),
+    "winch_event_energy_change": Variable(_EVENT, "J", "change of kinetic energy", _has_winch),
+    "winch_event_momentum_change": Variable(_EVENT, "kg m s-1", "size of the change of momentum", _has_winch),
     "closure_error": Variable(("time",), "m", "distance of the last node from the prescribed end B"),
 }
 """Every variable that a trajectory can hold."""

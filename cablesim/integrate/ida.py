@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg.lapack import dgbtrf, dgbtrs
 from sksundae.ida import IDA, IDAJacTimes, IDAPrecond
 
-from cablesim.integrate.protocol import Array, Counters, Equations, Status
+from cablesim.integrate.protocol import Array, Counters, Equations, Events, Status
 
 # IDA's return codes -> what they mean to a user
 _STATUS = {
@@ -22,6 +23,8 @@ _STATUS = {
     -3: Status.ERROR_TEST_FAILURES,
     -4: Status.CONVERGENCE_FAILURE,
 }
+
+_ROOT_RETURN = 2
 
 LARGEST_BAND_SYSTEM = 1800
 """Unknowns up to which the band solver is used.
@@ -56,8 +59,6 @@ class IdaOptions:
         Steps in one advance; IDA's own default is 500.
     linear_solver : str
         ``auto``, ``band`` or ``krylov``.
-    time_limit : float or None
-        Wall-clock seconds after which the run stops.
     """
 
     rtol: float
@@ -67,7 +68,6 @@ class IdaOptions:
     max_step: float | None = None
     max_steps: int = 1_000_000
     linear_solver: str = "auto"
-    time_limit: float | None = None
 
 
 class _NotFinite(Exception):  # noqa: N818 - a status says it
@@ -87,18 +87,27 @@ class IdaIntegrator:
         Residual and Jacobian.
     options : IdaOptions
         Tolerances and limits.
+    events : Events, optional
+        Functions whose zeros IDA looks for.
+    counters : Counters, optional
+        Where to count the work; default: counters of its own.
     """
 
-    def __init__(self, equations: Equations, options: IdaOptions) -> None:
-        self.counters = Counters()
+    def __init__(
+        self,
+        equations: Equations,
+        options: IdaOptions,
+        *,
+        events: Events | None = None,
+        counters: Counters | None = None,
+    ) -> None:
+        self.counters = Counters() if counters is None else counters
         self.equations = equations
         self._options = options
-        self._deadline = math.inf
+        self._roots = None if events is None else _Roots(events)
         self._ida = IDA(self._residual, **self._ida_options())
-
-    def start_clock(self) -> None:
-        """Count the wall-clock limit from now."""
-        self._deadline = time.monotonic() + (self._options.time_limit or math.inf)
+        if self._roots is not None:
+            self._roots.keep_nothing()
 
     def start(self, t: float, y: Array, yp: Array) -> None:
         """Begin at a consistent state (the order falls to 1)."""
@@ -127,6 +136,8 @@ class IdaIntegrator:
                 status = Status.NOT_FINITE
             else:
                 self._t, self._y, self._yp = result.t, result.y, result.yp
+                if result.status == _ROOT_RETURN:
+                    status = Status.EVENT
         return status, self._t, self._y, self._yp
 
     def _residual(self, t: float, y: Array, yp: Array, out: Array) -> None:
@@ -136,7 +147,7 @@ class IdaIntegrator:
         counters.residual_calls += 1
         self.equations.residual(t, y, yp, out)
         if counters.residual_calls % _CALLS_BETWEEN_CLOCKS == 0:
-            if time.monotonic() > self._deadline:
+            if time.monotonic() > counters.deadline:
                 raise _TimeLimit
             if not math.isfinite(out.sum()):  # IDA itself would go on to max_steps
                 raise _NotFinite
@@ -155,6 +166,8 @@ class IdaIntegrator:
             "first_step": options.first_step,
             "max_step": options.max_step or 0.0,
         }
+        if self._roots is not None:
+            common |= {"eventsfn": self._roots, "num_events": self._roots.count}
         if self._solver() == "band":
             lower, upper = self.equations.bandwidths
             return common | {"linsolver": "band", "lband": lower, "uband": upper, "jacfn": self._jacobian}
@@ -170,6 +183,26 @@ class IdaIntegrator:
         if chosen != "auto":
             return chosen
         return "band" if np.size(self._options.atol) <= LARGEST_BAND_SYSTEM else "krylov"
+
+
+class _Roots:
+    """An event function in the form of scikit-sundae."""
+
+    def __init__(self, events: Events) -> None:
+        self._events = events
+        self.count = events.count
+        self.terminal = [True] * events.count
+        self.direction = [0] * events.count
+
+    def __call__(self, t: float, y: Array, yp: Array, out: Array) -> None:
+        self._events(t, out)
+
+    def keep_nothing(self) -> None:
+        """Replace the lists in which the binding collects all events of an IDA object's life.
+
+        They would grow without end, and be copied into arrays at every step.
+        """
+        self._i = self._t = self._y = self._yp = deque[Array](maxlen=0)
 
 
 class _BandedFactors:

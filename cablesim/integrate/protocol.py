@@ -5,6 +5,7 @@ Depends on: nothing of ours.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
@@ -19,6 +20,11 @@ class Status(StrEnum):
     """How an advance, or a whole run, ended."""
 
     COMPLETED = "completed"
+    EVENT = "event"
+    ATTACHMENT_AT_WINCH = "attachment at winch"
+    DRUM_EMPTY = "drum empty"
+    MINIMUM_LENGTH = "minimum length"
+    CONTROLLER_FAILED = "controller failed"
     INTERRUPTED = "interrupted"
     STEP_LIMIT = "step limit"
     ERROR_TEST_FAILURES = "error test failures"
@@ -34,6 +40,17 @@ class Status(StrEnum):
 
 _SENTENCES = {
     Status.COMPLETED: "The run reached its end.",
+    Status.EVENT: "An event function went through nought.",
+    Status.ATTACHMENT_AT_WINCH: (
+        "Reeling in brought an attachment to the winch: stop the winch earlier, or place the attachment "
+        "nearer to end A."
+    ),
+    Status.DRUM_EMPTY: "All cable is out: pay out less, or give a longer cable.length.",
+    Status.MINIMUM_LENGTH: (
+        "The deployed length fell to its minimum, winch.minimum_length or what the mesh needs: reel in "
+        "less, or give shorter segments."
+    ),
+    Status.CONTROLLER_FAILED: "What was computed is kept.",
     Status.INTERRUPTED: "The run was interrupted; what was computed is kept.",
     Status.STEP_LIMIT: (
         "The number of steps reached simulation.max_steps: the tolerance may be too tight for the noise in a "
@@ -53,6 +70,16 @@ _SENTENCES = {
         "Where structural_damping is 0 axial waves set the step: 1e-5 s of it is often enough."
     ),
 }
+
+
+class Events(Protocol):
+    """Functions of time whose zeros end an advance."""
+
+    count: int
+
+    def __call__(self, t: float, out: Array) -> None:
+        """Write the values, shape (count,), to `out`."""
+        ...
 
 
 class Equations(Protocol):
@@ -78,11 +105,20 @@ class Equations(Protocol):
 
 @dataclass
 class Counters:
-    """Work done since the integrator was made."""
+    """Work done, and when it must end; integrators of several sizes share it.
+
+    Attributes
+    ----------
+    residual_calls, jacobian_calls, starts : int
+        So far.
+    deadline : float
+        Instant of ``time.monotonic()`` at which an advance ends with ``TIME_LIMIT``.
+    """
 
     residual_calls: int = 0
     jacobian_calls: int = 0
     starts: int = 0
+    deadline: float = math.inf
 
 
 class Integrator(Protocol):
@@ -90,14 +126,13 @@ class Integrator(Protocol):
 
     counters: Counters
 
-    def start_clock(self) -> None:
-        """Count the wall-clock limit, if there is one, from now."""
-        ...
-
     def start(self, t: float, y: Array, yp: Array) -> None:
         """Begin at a consistent state (the order falls to 1)."""
         ...
 
     def advance(self, t: float, t_stop: float) -> tuple[Status, float, Array, Array]:
-        """Go to `t`, never evaluating beyond `t_stop`; returns status, time reached, Y and Y'."""
+        """Go to `t`, never evaluating beyond `t_stop`; returns status, time reached, Y and Y'.
+
+        The status is ``EVENT`` where an event function has gone through nought on the way.
+        """
         ...

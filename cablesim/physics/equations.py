@@ -10,6 +10,7 @@ functions are compiled, so a scene pays for nothing that it does not have.
 symbol      meaning (paper, Section III; the state is laid out in `physics.layout`)
 ==========  ===========================================================================
 V, T, q     node velocity, segment tension, segment chord over its reference length
+L           deployed length; the last segment reaches from its material node to the winch
 t           unit tangent q/|q|, from A to B; `m` mean tangent at a node
 l, l_ref    unstretched and reference length of a segment;  eps = T/EA
 Q           shear force (T_n, T_b of the paper) as a vector, eliminated
@@ -57,6 +58,7 @@ from cablesim.physics.parameters import (
     TAU_,
     UNIFORM,
     WET_WEIGHT,
+    WINCH_START_,
     Features,
     Parameters,
 )
@@ -89,37 +91,46 @@ class Equations(NamedTuple):
 @numba.njit(cache=True, error_model="numpy", inline="never")
 def views(buffer):
     """The arrays inside a buffer made by `physics.parameters.pack`."""
-    h = buffer[:24].astype(np.int64)
-    a = 24
-    b = a + h[0] * h[1]
+    h = buffer[:30].astype(np.int64)
+    b = 30
+    a, b = b, b + h[0] * h[1]
     segments = buffer[a:b].reshape((h[0], h[1]))
     a, b = b, b + h[2] * h[3]
     nodes = buffer[a:b].reshape((h[2], h[3]))
     a, b = b, b + h[4]
     constants = buffer[a:b]
-    a, b = b, b + h[5]
+    a, b = b, b + h[5] * h[6]
+    winch_loads = buffer[a:b].reshape((h[5], h[6]))
+    a, b = b, b + h[7]
+    winch_breaks = buffer[a:b]
+    a, b = b, b + h[8] * h[9] * h[10]
+    winch_coefficients = buffer[a:b].reshape((h[8], h[9], h[10]))
+    a, b = b, b + h[11]
     breaks_a = buffer[a:b]
-    a, b = b, b + h[6] * h[7] * h[8]
-    coefficients_a = buffer[a:b].reshape((h[6], h[7], h[8]))
-    a, b = b, b + h[9]
-    breaks_b = buffer[a:b]
-    a, b = b, b + h[10] * h[11] * h[12]
-    coefficients_b = buffer[a:b].reshape((h[10], h[11], h[12]))
-    a, b = b, b + h[13] * h[14]
-    clamps = buffer[a:b].reshape((h[13], h[14]))
+    a, b = b, b + h[12] * h[13] * h[14]
+    coefficients_a = buffer[a:b].reshape((h[12], h[13], h[14]))
     a, b = b, b + h[15]
+    breaks_b = buffer[a:b]
+    a, b = b, b + h[16] * h[17] * h[18]
+    coefficients_b = buffer[a:b].reshape((h[16], h[17], h[18]))
+    a, b = b, b + h[19] * h[20]
+    clamps = buffer[a:b].reshape((h[19], h[20]))
+    a, b = b, b + h[21]
     times = buffer[a:b]
-    a, b = b, b + h[16]
+    a, b = b, b + h[22]
     x = buffer[a:b]
-    a, b = b, b + h[17]
+    a, b = b, b + h[23]
     y = buffer[a:b]
-    a, b = b, b + h[18]
+    a, b = b, b + h[24]
     z = buffer[a:b]
-    velocity = buffer[b:].reshape((h[19], h[20], h[21], h[22], h[23]))
+    velocity = buffer[b:].reshape((h[25], h[26], h[27], h[28], h[29]))
     return Parameters(
         segments,
         nodes,
         constants,
+        winch_loads,
+        winch_breaks,
+        winch_coefficients,
         breaks_a,
         coefficients_a,
         breaks_b,
@@ -146,6 +157,21 @@ def end_motion(breaks, coefficients, t, place, velocity):
             r = r * dt + coefficients[piece, k, c]
         place[c] = r
         velocity[c] = v
+
+
+@numba.njit(cache=True, error_model="numpy")
+def wind(p, t):
+    """Give the winch's segment its length at time t, share it out to its nodes, and return L'."""
+    deployed, payout_speed = np.empty(1), np.empty(1)
+    end_motion(p.winch_breaks, p.winch_coefficients, t, deployed, payout_speed)
+    last = p.segments.shape[0] - 1
+    length = deployed[0] - p.constants[WINCH_START_]
+    p.segments[last, LENGTH] = length
+    for c in range(p.nodes.shape[1]):
+        half = 0.5 * length * p.winch_loads[1, c]
+        p.nodes[last, c] = p.winch_loads[0, c] + half
+        p.nodes[last + 1, c] = half
+    return payout_speed[0]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -224,7 +250,7 @@ def compile_equations(features: Features) -> Equations:
     D = features.dimension
     BENDING, DAMPING, POINT_DRAG = features.bending, features.damping, features.point_drag
     CURRENT, FREE_A, FREE_B = features.current, features.free_a, features.free_b
-    CLAMP_A, CLAMP_B = features.clamp_a, features.clamp_b
+    CLAMP_A, CLAMP_B, WINCH = features.clamp_a, features.clamp_b, features.winch
     CELL = 2 * D + 1
     LOWER, UPPER = StateLayout(D, 1).bandwidths(bending=BENDING)
     MOVING_WATER = CURRENT != STILL
@@ -238,6 +264,10 @@ def compile_equations(features: Features) -> Equations:
             EA, EI, tau = p.constants[EA_], p.constants[EI_], p.constants[TAU_]
             beta, kappa = p.constants[BETA_], p.constants[KAPPA_]
             end = n * CELL  # first row of the closing cell
+
+            payout_speed = 0.0
+            if WINCH:
+                payout_speed = wind(p, t)
 
             # --- chords and tangents -----------------------------------------------------------
             tangent = np.empty((n, D))
@@ -280,6 +310,9 @@ def compile_equations(features: Features) -> Equations:
                 stretching = 0.0
                 for c in range(D):
                     stretching += (y[iv1 + c] - y[iv + c]) * tangent[e, c]
+                lengthening = 0.0  # l', the material that the winch adds
+                if WINCH and e == n - 1:
+                    lengthening = payout_speed
 
                 if not JACOBIAN:
                     for c in range(D):
@@ -291,6 +324,8 @@ def compile_equations(features: Features) -> Equations:
                     # rate of tension: (3) along t, tied slowly to the chord's length
                     strain = chord[e] * l_ref / l - 1.0
                     out[iT] = yp[iT] / EA - stretching / l - beta * (strain - T / EA)
+                    if WINCH:
+                        out[iT] += lengthening * (1.0 + T / EA) / l
                 else:
                     dforce = 1.0
                     if DAMPING:
@@ -317,6 +352,8 @@ def compile_equations(features: Features) -> Equations:
                         turning = (y[iv1 + c] - y[iv + c] - stretching * tangent[e, c]) / (chord[e] * l)
                         out[base + iT * si + (iq + c) * sj] = -turning - beta * l_ref / l * tangent[e, c]
                     out[base + iT * si + iT * sj] = (c_j + beta) / EA
+                    if WINCH:
+                        out[base + iT * si + iT * sj] += lengthening / (l * EA)
 
             # --- joints: shear from the angular momentum theorem (4), (5) ---------------------------
             # Q_e = t_e x (M_(e+1) - M_e)/|chord|, with M_j = k t_(j-1) x t_j and

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_banded
 
 from cablesim.mesh import Mesh
 from cablesim.motion import Motion
@@ -22,7 +21,9 @@ from cablesim.physics.parameters import (
     DRAG_NORMAL,
     DRAG_POINT,
     DRAG_TANGENTIAL,
+    EA_,
     FLUID_MASS,
+    LENGTH,
     MASS,
     REFERENCE_LENGTH,
     WET_WEIGHT,
@@ -31,6 +32,7 @@ from cablesim.physics.parameters import (
     pack,
 )
 from cablesim.scene import (
+    Attachment,
     End,
     GriddedCurrent,
     ProfileCurrent,
@@ -68,6 +70,11 @@ class CableModel:
     def bandwidths(self) -> tuple[int, int]:
         """Lower and upper half-bandwidth of the Jacobian."""
         return self.layout.bandwidths(bending=self.features.bending)
+
+    @property
+    def unstretched(self) -> Array:
+        """Size |q| of unstretched segments, shape (n,): 1, but for the segment of a winch."""
+        return self.parameters.segments[:, LENGTH] / self.parameters.segments[:, REFERENCE_LENGTH]
 
     @property
     def algebraic_rows(self) -> NDArray[np.int64]:
@@ -112,9 +119,10 @@ class CableModel:
     def consistent_rates(self, t: float, y: Array) -> Array:
         """Y' that fulfils F(t, Y, Y') = 0 for a given Y.
 
-        F is affine in Y', so dF/dY' is the difference of two Jacobians.  The velocities of
-        prescribed ends have no rate in F; they get the ends' accelerations, which helps the first
-        predictor.
+        F is affine in Y', and triangular: the rates of chords, tensions and of the place of end B
+        stand alone in their rows; with them the balance of forces gives the accelerations, node by
+        node.  The velocities of prescribed ends have no rate in F; they get the ends' accelerations,
+        which helps the first predictor.
 
         Parameters
         ----------
@@ -128,14 +136,64 @@ class CableModel:
         ndarray, shape (size,)
             Rates.
         """
-        zero = np.zeros_like(y)
-        rhs = np.empty_like(y)
-        self.residual(t, y, zero, rhs)
-        mass = self.band_jacobian(t, y, zero, 1.0) - self.band_jacobian(t, y, zero, 0.0)
-        rows = self.algebraic_rows
-        mass[self.bandwidths[1], rows] = 1.0
-        rhs[rows] = -self._end_accelerations(t)
-        return solve_banded(self.bandwidths, mass, -rhs)
+        layout, rates, out = self.layout, np.zeros_like(y), np.empty_like(y)
+        self.residual(t, y, rates, out)
+        layout.tension(rates)[:] = -self.parameters.constants[EA_] * layout.tension(out)
+        layout.chord(rates)[:] = -layout.chord(out)
+        layout.end_place(rates)[:] = -layout.end_place(out)
+        if self.features.damping:  # then the rates of the tensions pull, too
+            self.residual(t, y, rates, out)
+        acceleration = -self.accelerations(y, layout.node_velocity(out))
+        layout.velocity(rates)[:] = acceleration[:-1]
+        layout.end_velocity(rates)[:] = acceleration[-1]
+        rates[self.algebraic_rows] = self._end_accelerations(t)
+        return rates
+
+    def accelerations(self, y: Array, forces: Array, nodes: slice = slice(None)) -> Array:
+        """What forces (k, D) [N] on these nodes give to their mass and added mass, were they free [m/s2].
+
+        The inverse of m I - softer m m^T by Sherman and Morrison, row by row.
+        """
+        rows = self.parameters.nodes[nodes]
+        mass = (rows[:, MASS] + rows[:, ADDED_NORMAL])[:, None]
+        softer = (rows[:, ADDED_NORMAL] - rows[:, ADDED_TANGENTIAL])[:, None]
+        mean = self._mean_tangents(y)[nodes]
+        along = np.einsum("ec,ec->e", mean, forces)[:, None]
+        return (forces + softer / (mass - softer) * along * mean) / mass
+
+    def deployed_length(self, t: float) -> tuple[float, float]:
+        """Deployed length L [m] and payout speed L' [m/s] of a winch at one time."""
+        length, speed = np.empty(1), np.empty(1)
+        end_motion(self.parameters.winch_breaks, self.parameters.winch_coefficients, t, length, speed)
+        return float(length[0]), float(speed[0])
+
+    def deployed_motion(self, t: float) -> tuple[float, float, float]:
+        """Deployed length [m], payout speed [m/s] and its rate [m/s2] at one time."""
+        parameters = self.parameters
+        rate = _second_derivative(parameters.winch_breaks, parameters.winch_coefficients, t)
+        return *self.deployed_length(t), float(rate[0])
+
+    def kinetic_energy_and_momentum(self, y: Array, at_winch: Array) -> tuple[float, Array]:
+        """Kinetic energy [J] and momentum (D,) [kg m/s] of the deployed cable, added mass included.
+
+        Node n moves with `at_winch` (D,), the velocity of the material there.
+        """
+        rows = self.parameters.nodes
+        velocity = self.layout.node_velocity(y)
+        velocity[-1] = at_winch
+        mass = (rows[:, MASS] + rows[:, ADDED_NORMAL])[:, None]
+        softer = (rows[:, ADDED_NORMAL] - rows[:, ADDED_TANGENTIAL])[:, None]
+        mean = self._mean_tangents(y)
+        along = np.einsum("nc,nc->n", mean, velocity)[:, None]
+        momentum = mass * velocity - softer * along * mean
+        return 0.5 * float(np.sum(momentum * velocity)), momentum.sum(axis=0)
+
+    def _mean_tangents(self, y: Array) -> Array:
+        """Unit mean of the tangents beside each node, shape (n+1, D)."""
+        chord = self.layout.chord(y)
+        tangent = chord / np.sqrt(np.einsum("ec,ec->e", chord, chord))[:, None]
+        mean = np.concatenate((tangent[:1], tangent[1:] + tangent[:-1], tangent[-1:]))
+        return mean / np.maximum(np.sqrt(np.einsum("ec,ec->e", mean, mean)), 1e-12)[:, None]
 
     def end_place_and_velocity(self, name: str, t: float) -> tuple[Array, Array]:
         """Place and velocity, each (D,), that the equations give to prescribed end ``a`` or ``b``."""
@@ -191,9 +249,11 @@ def build_model(scene: Scene, mesh: Mesh, frame: Frame) -> CableModel:
     breaks_a, coefficients_a = _end_table(scene.end_a, frame)
     breaks_b, coefficients_b = _end_table(scene.end_b, frame)
     times, x, y, z, velocity = _current_table(scene, frame)
+    nodes = _node_table(scene, mesh)
+    winch_loads, winch_breaks, winch_coefficients = _winch_table(scene, mesh, nodes)
     parameters = Parameters(
-        segments=np.stack([mesh.lengths, mesh.lengths], axis=1),
-        nodes=_node_table(scene, mesh),
+        segments=np.stack([mesh.lengths, mesh.reference_lengths], axis=1),
+        nodes=nodes,
         constants=np.array(
             [
                 cable.axial_stiffness,
@@ -201,8 +261,12 @@ def build_model(scene: Scene, mesh: Mesh, frame: Frame) -> CableModel:
                 cable.structural_damping,
                 numerics.strain_feedback,
                 numerics.closure_feedback,
+                mesh.nodes[-2],
             ]
         ),
+        winch_loads=winch_loads,
+        winch_breaks=winch_breaks,
+        winch_coefficients=winch_coefficients,
         breaks_a=breaks_a,
         coefficients_a=coefficients_a,
         breaks_b=breaks_b,
@@ -219,28 +283,52 @@ def build_model(scene: Scene, mesh: Mesh, frame: Frame) -> CableModel:
     return CableModel(layout, features, frame, views, buffer, compile_equations(features))
 
 
+def _per_metre(scene: Scene) -> Array:
+    """What a metre of bare cable adds to the row of a node, shape (8,)."""
+    cable, density = scene.cable, scene.water.density
+    displaced = density * cable.displaced_section
+    row = np.empty(8)
+    row[MASS] = cable.mass_per_length
+    row[ADDED_NORMAL] = cable.added_mass_normal * displaced
+    row[ADDED_TANGENTIAL] = cable.added_mass_tangential * displaced
+    row[WET_WEIGHT] = cable.wet_weight
+    row[DRAG_NORMAL] = 0.5 * density * cable.drag_normal * cable.diameter
+    row[DRAG_TANGENTIAL] = 0.5 * density * cable.drag_tangential * np.pi * cable.diameter
+    row[DRAG_POINT] = 0.0
+    row[FLUID_MASS] = displaced
+    return row
+
+
+def _per_body(body: Attachment, scene: Scene) -> Array:
+    """What an attachment adds to the row of its node, shape (8,)."""
+    displaced = scene.water.density * body.volume
+    row = np.zeros(8)
+    row[MASS] = body.mass
+    row[ADDED_NORMAL] = row[ADDED_TANGENTIAL] = body.added_mass * displaced
+    row[WET_WEIGHT] = (body.mass - displaced) * scene.gravity
+    row[DRAG_POINT] = 0.5 * scene.water.density * body.drag_area
+    row[FLUID_MASS] = displaced
+    return row
+
+
 def _node_table(scene: Scene, mesh: Mesh) -> Array:
     """Lumped mass, weight and drag of each node: half of both segments, and the attachments on it."""
-    cable, density = scene.cable, scene.water.density
-    length = mesh.node_lengths
-    displaced = density * cable.displaced_section * length
-    table = np.zeros((length.size, 8))
-    table[:, MASS] = cable.mass_per_length * length
-    table[:, ADDED_NORMAL] = cable.added_mass_normal * displaced
-    table[:, ADDED_TANGENTIAL] = cable.added_mass_tangential * displaced
-    table[:, WET_WEIGHT] = cable.wet_weight * length
-    table[:, DRAG_NORMAL] = 0.5 * density * cable.drag_normal * cable.diameter * length
-    table[:, DRAG_TANGENTIAL] = 0.5 * density * cable.drag_tangential * np.pi * cable.diameter * length
-    table[:, FLUID_MASS] = displaced
-    for attachment, node in zip(scene.attachments, mesh.attachment_nodes, strict=True):
-        displaced_mass = density * attachment.volume
-        table[node, MASS] += attachment.mass
-        table[node, ADDED_NORMAL] += attachment.added_mass * displaced_mass
-        table[node, ADDED_TANGENTIAL] += attachment.added_mass * displaced_mass
-        table[node, WET_WEIGHT] += (attachment.mass - displaced_mass) * scene.gravity
-        table[node, DRAG_POINT] += 0.5 * density * attachment.drag_area
-        table[node, FLUID_MASS] += displaced_mass
+    table = np.outer(mesh.node_lengths, _per_metre(scene))
+    for attachment, node in mesh.in_water():
+        table[node] += _per_body(scene.attachments[attachment], scene)
     return table
+
+
+def _winch_table(scene: Scene, mesh: Mesh, nodes: Array) -> tuple[Array, Array, Array]:
+    """Loads beside the winch's segment (2, 8), and breaks and coefficients of the deployed length."""
+    per_metre = _per_metre(scene)
+    loads = np.stack((nodes[-2] - 0.5 * mesh.lengths[-1] * per_metre, per_metre))
+    program = scene.winch.payout if scene.winch is not None else None
+    if isinstance(program, Motion):
+        return loads, program.breaks, program.coefficients
+    coefficients = np.zeros((2, 6, 1))  # at rest; a controller's commands are written here
+    coefficients[:, 0] = scene.start_length
+    return loads, np.array([0.0, 1.0, 1e9]), coefficients
 
 
 def _end_table(end: End, frame: Frame) -> tuple[Array, Array]:

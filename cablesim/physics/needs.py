@@ -142,6 +142,7 @@ def scene_features(scene: Scene, frame: Frame) -> Features:
         free_b=scene.end_b.motion is None,
         clamp_a=bending and scene.end_a.clamp is not None,
         clamp_b=bending and scene.end_b.clamp is not None,
+        winch=scene.winch is not None,
     )
 
 
@@ -174,5 +175,5 @@ def describe_needs(features: Features) -> dict[str, str]:
         "structural damping": "computed" if features.damping else "skipped: damping time is zero",
         "attachment drag": "computed" if features.point_drag else "skipped: no attachment has a drag area",
         "current": currents[features.current],
-        "winch": "skipped: fixed length",
+        "winch": "computed" if features.winch else "skipped: fixed length",
     }
