@@ -38,18 +38,25 @@ def residual(scene: Scene, mesh: Mesh, t: float, state: Unknowns, rate: Unknowns
     balance[1:] += force
     return Unknowns(
         V=held_ends(scene, t, state, balance),
-        T=tension_rows(scene, mesh, state, rate),
-        q=rate.q - np.diff(state.V, axis=0) / mesh.lengths[:, None],
+        T=tension_rows(scene, mesh, t, state, rate),
+        q=rate.q - np.diff(state.V, axis=0) / mesh.reference_lengths[:, None],
         w=rate.w - state.V[-1] + end_velocity(scene.end_a, t),
     )
 
 
-def tension_rows(scene: Scene, mesh: Mesh, state: Unknowns, rate: Unknowns) -> Array:
+def tension_rows(scene: Scene, mesh: Mesh, t: float, state: Unknowns, rate: Unknowns) -> Array:
     """Compatibility along the tangent, and the feedback that ties T to the length of the chord."""
     EA, beta = scene.cable.axial_stiffness, scene.numerics.strain_feedback
     stretching = np.sum(np.diff(state.V, axis=0) * unit(state.q), axis=1)
-    strain = np.linalg.norm(state.q, axis=1) - 1.0
+    if scene.winch is not None:
+        stretching[-1] -= scene.winch.payout.velocity(t)[0] * (1.0 + state.T[-1] / EA)
+    strain = chord_lengths(mesh, state.q) / mesh.lengths - 1.0
     return rate.T / EA - stretching / mesh.lengths - beta * (strain - state.T / EA)
+
+
+def chord_lengths(mesh: Mesh, q: Array) -> Array:
+    """Distances between neighbouring nodes."""
+    return mesh.reference_lengths * np.linalg.norm(q, axis=1)
 
 
 def held_ends(scene: Scene, t: float, state: Unknowns, balance: Array) -> Array:
@@ -83,7 +90,7 @@ def moments(scene: Scene, mesh: Mesh, q: Array) -> Array:
 
 def shear(scene: Scene, mesh: Mesh, q: Array) -> Array:
     """Q_e = t_e x (M_(e+1) - M_e) / stretched length."""
-    length = np.linalg.norm(q, axis=1) * mesh.lengths
+    length = chord_lengths(mesh, q)
     return np.cross(unit(q), np.diff(moments(scene, mesh, q), axis=0)) / length[:, None]
 
 
@@ -111,7 +118,8 @@ def inertia_drag_and_weight(scene: Scene, mesh: Mesh, t: float, state: Unknowns,
     rows += 0.5 * rho * cable.drag_normal * cable.diameter * length * size(v_n) * v_n
     rows += 0.5 * rho * cable.drag_tangential * np.pi * cable.diameter * length * size(v_t) * v_t
     rows += cable.wet_weight * length * np.array([0.0, 0.0, 1.0])
-    for attachment, j in zip(scene.attachments, mesh.attachment_nodes, strict=True):
+    for index, j in mesh.in_water():
+        attachment = scene.attachments[index]
         v, displaced = state.V[j] - U[j], rho * attachment.volume
         rows[j] += attachment.mass * rate.V[j] - displaced * A[j]
         rows[j] += attachment.added_mass * displaced * (rate.V[j] - A[j])
@@ -128,7 +136,7 @@ def node_tangents(q: Array) -> Array:
 
 def places(scene: Scene, mesh: Mesh, t: float, state: Unknowns) -> Array:
     """Nodes: from A on, or back from B when A is free."""
-    steps = np.cumsum(mesh.lengths[:, None] * state.q, axis=0)
+    steps = np.cumsum(mesh.reference_lengths[:, None] * state.q, axis=0)
     from_a = np.vstack((np.zeros(3), steps))
     if scene.end_a.motion is None:
         return state.w - from_a[-1] + from_a

@@ -25,9 +25,10 @@ from scenes import (
 )
 
 from cablesim.mesh import Mesh, build_mesh
+from cablesim.motion import payout_waypoints
 from cablesim.physics.model import CableModel, build_model
 from cablesim.physics.needs import scene_frame
-from cablesim.scene import Scene
+from cablesim.scene import Scene, Winch
 
 Array = NDArray[np.float64]
 
@@ -83,7 +84,17 @@ def scenes() -> dict[str, Scene]:
         "space, all, profile": scene(rope=STIFF, a=a, b=b, current=PROFILE, **parts),
         "space, all, profile, free end": scene(rope=STIFF, a=a, b=FREE, current=PROFILE, skip=False, **parts),
         "space, map, both ends free": scene(a=FREE, b=FREE, current=grid(), initial=line(), **parts),
+        "planar, winch": wound(scene(a=plane_a, b=plane_b, segments=SEGMENTS)),
+        "space, all, uniform, winch": wound(
+            scene(rope=STIFF, current=UniformCurrent(velocity=np.array([0.2, -0.3, 0.1])), **clamped, **parts)
+        ),
     }
+
+
+def wound(original: Scene) -> Scene:
+    """The same cable with some of it, and a body, on a drum that speeds up."""
+    payout = payout_waypoints(2.3, [0.0, 1.0], [0.4, -0.9])
+    return replace(original, winch=Winch(deployed_length=2.3, payout=payout))
 
 
 def line() -> MarkerShape:
@@ -105,6 +116,9 @@ def in_still_places(original: Scene) -> Scene:
 
 def compiled(original: Scene) -> tuple[CableModel, Mesh]:
     mesh = build_mesh(original)
+    if original.winch is not None:
+        length = original.winch.payout.position(TIME)[0]
+        mesh = mesh.deployed(mesh.segments_at(length), length)
     plane = TURN @ [0.6, 0.0, 0.8]
     return build_model(original, mesh, scene_frame(original, plane[None])), mesh
 
@@ -271,8 +285,9 @@ def packed(model: CableModel, state: twin.Unknowns) -> Array:
     return y
 
 
-def test_rates_are_consistent() -> None:
-    model, _ = compiled(scenes()["space, all, profile"])
+@pytest.mark.parametrize("name", NAMES)
+def test_rates_are_consistent(name: str) -> None:
+    model, _ = compiled(scenes()[name])
     y, _ = random_state(model, 9)
     model.impose_end_velocities(TIME, y)
     yp = model.consistent_rates(TIME, y)

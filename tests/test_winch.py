@@ -1,0 +1,555 @@
+"""The winch: insertion and removal as pure functions, exactness, transients, stops and hard cases."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+from scenes import FREE, VACUUM, body, cable, driven, held, scene, straight
+
+from cablesim import Simulation, simulate
+from cablesim.control import Measurement
+from cablesim.integrate import Status
+from cablesim.mesh import FEWEST, LONGEST_BEYOND, ON_DRUM, SHORTEST, build_mesh
+from cablesim.motion import Motion, earliest_fall, payout_waypoints
+from cablesim.physics.model import CableModel, build_model
+from cablesim.physics.needs import SPACE
+from cablesim.physics.winch import insert_node, material_velocity, remove_node
+from cablesim.scene import Control, Scene, Winch
+
+Array = NDArray[np.float64]
+
+CYCLE = [[0, 0], [0.5, 0.25], [8, 0.25], [8.5, 0], [9, -0.25], [18.5, -0.25], [19, 0]]
+
+
+def winched(original: Scene, deployed: float, payout: ArrayLike | Control, **limits: float) -> Scene:
+    """A scene whose end B is a winch; `payout` gives waypoints (t, speed) or a control."""
+    if not isinstance(payout, Control):
+        table = np.asarray(payout, dtype=float)
+        payout = payout_waypoints(deployed, table[:, 0], table[:, 1])
+    return replace(original, winch=Winch(deployed_length=deployed, payout=payout, **limits))
+
+
+def cycle(*, segment: float = 0.05, payout: ArrayLike = CYCLE, **changes: Any) -> Scene:
+    """The winch cycle: 3 m of rope between ends 1.5 m apart, paid out to 5 m and reeled in to 2.5 m."""
+    length = changes.pop("length", 5.4)
+    values: dict[str, Any] = {"duration": 30.0, "interval": 0.02, "relative_tolerance": 1e-5}
+    return winched(
+        scene(rope=cable(length=length), segments=round(length / segment), **(values | changes)), 3.0, payout
+    )
+
+
+@cache
+def run(segment: float = 0.05, rtol: float = 1e-5) -> xr.Dataset:
+    return simulate(cycle(segment=segment, relative_tolerance=rtol))
+
+
+def end_forces(dataset: xr.Dataset) -> Array:
+    """Size of the force on what holds each end."""
+    return np.linalg.norm(dataset["end_force"].values, axis=2)
+
+
+# Nodes that come and go ---------------------------------------------------------------------------
+
+
+def test_mesh_of_the_whole_cable_stays_where_it_is() -> None:
+    whole = build_mesh(scene(rope=cable(length=6.0), segments=60, attachments=[body(2.0), body(5.0)]))
+    part = whole.deployed(45, 4.53)
+    assert np.array_equal(part.nodes[:-1], whole.nodes[:45])
+    assert part.nodes[-1] == 4.53
+    assert list(part.attachment_nodes) == [20, ON_DRUM]
+    assert list(part.in_water()) == [(0, 20)]
+    assert part.node_lengths.sum() == pytest.approx(4.53, abs=1e-15)
+    assert part.reference_lengths[-1] == whole.lengths[44]
+
+
+@pytest.mark.parametrize("length", [0.31, 1.0, 2.04, 2.0401, 2.98, 3.0])
+def test_start_leaves_room_to_both_sides(length: float) -> None:
+    whole = build_mesh(scene(segments=30))
+    segments = whole.segments_at(length)
+    rest = length - whole.nodes[segments - 1]
+    assert SHORTEST * 0.1 < rest <= (1.0 + LONGEST_BEYOND) * 0.1
+    assert whole.removal_length(segments) < length
+    assert (whole.insertion_length(segments) or np.inf) > length
+
+
+def test_bounds_do_not_chatter() -> None:
+    whole = build_mesh(scene(segments=30))
+    for segments in range(FEWEST + 1, 30):
+        appears = whole.insertion_length(segments)
+        assert appears is not None
+        gone = whole.removal_length(segments + 1)
+        # the node that has come goes again only when a fifth of a segment has been reeled in
+        assert appears - gone == pytest.approx((LONGEST_BEYOND - SHORTEST) * 0.1)
+        assert whole.insertion_length(segments - 1) < appears
+
+
+def hanging(*, segments: int = 20, bending: float = 0.0) -> tuple[CableModel, CableModel, Array, float]:
+    """A cable at rest, at the instant at which the next node comes out: models before and after, state."""
+    rope = cable(length=4.0, bending_stiffness=bending)
+    base = scene(rope=rope, segments=4 * segments // 2, skip=False)
+    whole = build_mesh(base)
+    n = segments
+    length = whole.insertion_length(n)
+    assert length is not None
+    still = winched(base, length, [[0.0, 0.3], [1.0, 0.3]])
+    simulation = Simulation(replace(still, winch=replace(still.winch, payout=constant(length))))
+    old = simulation.initial.model
+    assert old.layout.segments in (n, n + 1)
+    if old.layout.segments == n + 1:  # the start takes as many nodes as may be: put the last one back
+        new = old
+        old = build_model(simulation.scene, whole.deployed(n, length), new.frame)
+        return old, new, remove_node(0.0, simulation.initial.y, new, old), length
+    return (
+        old,
+        build_model(simulation.scene, whole.deployed(n + 1, length), old.frame),
+        simulation.state[0],
+        length,
+    )
+
+
+def constant(length: float) -> Motion:
+    return payout_waypoints(length, [0.0], [0.0])
+
+
+def chord_sum(model: CableModel, y: Array) -> Array:
+    return model.node_places(0.0, y)[-1]
+
+
+def test_insertion_keeps_closure_length_and_mass() -> None:
+    old, new, y, length = hanging()
+    after = insert_node(0.0, y, old, new)
+    new.consistent_rates(0.0, after)  # sets the loads of this time
+    old.consistent_rates(0.0, y)
+    np.testing.assert_allclose(chord_sum(new, after), chord_sum(old, y), rtol=0, atol=1e-15)
+    assert new.parameters.segments[:, 0].sum() == pytest.approx(length, rel=1e-15)
+    mass = [model.parameters.nodes[:, 0].sum() for model in (old, new)]
+    assert mass[1] == pytest.approx(mass[0], rel=1e-14)
+    np.testing.assert_array_equal(after[: old.layout.cell * 18], y[: old.layout.cell * 18])
+
+
+@pytest.mark.parametrize("bending", [0.0, 5e-3])
+def test_cable_at_rest_stays_in_balance(bending: float) -> None:
+    old, new, y, _ = hanging(bending=bending)
+    chord = insert_node(0.0, y, old, new, loaded=True)  # as if nothing were known of the curvature
+    for state, worst in ((insert_node(0.0, y, old, new), 0.03), (chord, np.inf)):
+        rates = new.consistent_rates(0.0, state)
+        accelerations = np.linalg.norm(new.layout.velocity(rates)[-3:], axis=1)
+        assert accelerations.max() < worst * 9.81
+        if worst == np.inf:  # on the chord the new node falls, and the one before is pulled up
+            assert accelerations.max() > 0.3 * 9.81
+
+
+def test_removal_undoes_insertion() -> None:
+    old, new, y, _ = hanging()
+    rng = np.random.default_rng(3)
+    old.layout.velocity(y)[:] = rng.normal(size=old.layout.velocity(y).shape)
+    back = remove_node(0.0, insert_node(0.0, y, old, new), new, old)
+    np.testing.assert_allclose(back, y, rtol=1e-13, atol=1e-13)
+
+
+def test_parts_stretch_as_the_whole_did() -> None:
+    old, new, y, _ = hanging()
+    y = y.copy()
+    old.layout.velocity(y)[-1] = [0.3, -0.2, 0.1]
+    before = old.layout.tension(old.consistent_rates(0.0, y))[-1]
+    rates = new.layout.tension(new.consistent_rates(0.0, insert_node(0.0, y, old, new)))[-2:]
+    np.testing.assert_allclose(rates, before, rtol=2e-3)
+    on_chord = insert_node(0.0, y, old, new, loaded=True)
+    np.testing.assert_allclose(
+        new.layout.tension(new.consistent_rates(0.0, on_chord))[-2:], before, rtol=1e-9
+    )
+
+
+def test_new_node_lies_on_the_curve_to_third_order() -> None:
+    """The rest shape is smooth: the parabola misses it by the cube of the segment's length."""
+    errors = []
+    for segments in (20, 40, 80):
+        old, new, y, length = hanging(segments=segments)
+        after = insert_node(0.0, y, old, new)
+        fine, _, shape, _ = hanging(segments=4 * segments)
+        arc = np.append(fine.parameters.constants[-1] - np.cumsum(fine.parameters.segments[-2::-1, 0]), 0.0)
+        arc = np.sort(np.append(arc[:-1], [fine.parameters.constants[-1], length]))
+        places = fine.node_places(0.0, shape)
+        where = float(new.parameters.constants[-1])
+        on_curve = np.array(
+            [np.interp(where, np.append(arc[: len(places) - 1], length), places[:, k]) for k in range(3)]
+        )
+        chord_error = np.linalg.norm(insert_node(0.0, y, old, new, loaded=True)[:0])
+        errors.append(np.linalg.norm(new.node_places(0.0, after)[-2] - on_curve) + chord_error)
+    assert errors[0] > errors[1] > errors[2]
+
+
+# The winch cycle ----------------------------------------------------------------------------------
+
+
+def test_tension_agrees_with_a_finer_mesh() -> None:
+    coarse, fine = end_forces(run()), end_forces(run(segment=0.0125))
+    assert np.abs(coarse - fine)[:, 0].max() < 0.01 * np.ptp(fine[:, 0])
+
+
+def test_nothing_jumps_when_nodes_come_and_go() -> None:
+    dataset = simulate(cycle(duration=7.0, interval=2e-3))
+    times, force = dataset["time"].values, end_forces(dataset)
+    events = dataset["winch_event_time"].values
+    events = events[(events > 0.6) & (events < 6.9)]
+    assert len(events) > 25
+    after = np.searchsorted(times, events)
+    for end in (0, 1):
+        foretold = 2.0 * force[after - 1, end] - force[after - 2, end]
+        jumps = np.abs(force[after, end] - foretold) / force[after, end]
+        assert jumps.max() < 2e-3
+    energy = np.interp(dataset["winch_event_time"], times, dataset["kinetic_energy"])
+    assert np.abs(dataset["winch_event_energy_change"] / energy).max() < 1e-3
+
+
+def test_no_line_at_the_insertion_rate() -> None:
+    dataset = run()
+    steady = dataset.sel(time=slice(2.0, 8.0))
+    times, force = steady["time"].values, end_forces(steady)
+    for end in (0, 1):
+        smooth = np.polyval(np.polyfit(times - 5.0, force[:, end], 7), times - 5.0)
+        window = np.hanning(len(times))
+        spectrum = 2.0 * np.abs(np.fft.rfft((force[:, end] - smooth) * window)) / window.sum()
+        frequency = np.fft.rfftfreq(len(times), times[1] - times[0])
+        line = spectrum[np.abs(frequency - 0.25 / 0.05) < 0.4].max()
+        assert line < 5e-5 * force[:, end].mean()
+
+
+def test_rest_shape_after_the_cycle_is_the_static_one() -> None:
+    dataset = run()
+    length = float(dataset["deployed_length"][-1])
+    assert length == pytest.approx(2.5, abs=1e-12)
+    still = Simulation(scene(rope=cable(length=length), segments=200)).observe()
+    places = dataset["position"][-1].dropna("node")
+    arc = np.append(places["s"].values[:-1], length)
+    wanted = np.stack(
+        [np.interp(arc, np.linspace(0, length, 201), still.position[:, k]) for k in range(3)], 1
+    )
+    assert np.linalg.norm(places.values - wanted, axis=1).max() < 3e-4
+
+
+def test_length_mass_and_closure_are_exact() -> None:
+    simulation = Simulation(cycle(relative_tolerance=1e-4))
+    program = simulation.scene.winch.payout
+    for t in np.linspace(0.37, 19.5, 40):
+        simulation.step(float(t) - simulation.time)
+        y, yp = simulation.state
+        model = simulation.model
+        model.residual(simulation.time, y, yp, np.empty_like(y))
+        length = program.position(simulation.time)[0]
+        assert model.parameters.segments[:, 0].sum() == pytest.approx(length, abs=1e-12)
+        assert model.parameters.nodes[:, 0].sum() == pytest.approx(0.055 * length, abs=1e-12)
+        assert np.linalg.norm(chord_sum(model, y) - [0.0, 0.0]) != 0.0
+    dataset = run()
+    assert dataset["closure_error"].max() < 1e-9
+    np.testing.assert_allclose(
+        dataset["deployed_length"], program.position(dataset["time"].values)[:, 0], rtol=0, atol=1e-12
+    )
+
+
+def test_closure_while_both_ends_move() -> None:
+    """Vessel and vehicle move, the winch works: at default tolerance B is where it should be to 0.3 mm."""
+    moves = [[0, 0, 0, 0], [1, 0.3, 0.2, 0.1], [4, -0.4, 0.1, -0.2], [9, 0.2, -0.3, 0.1], [12, 0, 0, 0]]
+    speeds = [[0, 0], [1, 0.4], [4, 0.4], [5, -0.4], [8, -0.4], [9, 0.2], [13, 0.2], [14, 0]]
+    ends = {
+        "a": driven([0.0, 0.0, 0.0], moves),
+        "b": driven([1.5, 0.0, 0.0], -np.array(moves) * [-1, 1, 1, 1]),
+    }
+    dataset = simulate(cycle(payout=speeds, duration=20.0, relative_tolerance=1e-4, **ends))
+    assert dataset.attrs["status"] == "completed"
+    assert dataset.sizes["winch_event"] > 60
+    closure = dataset["closure_error"]
+    assert closure.max() < 3e-4
+    assert closure.sel(time=slice(14.0, None)).max() < 1e-5
+
+
+def test_refinement_converges() -> None:
+    """Second order in the segment's length, and smaller errors with smaller tolerances."""
+
+    def force(segment: float, rtol: float) -> Array:
+        return end_forces(run(segment, rtol).sel(time=slice(2.0, 7.5)))[:, 0]
+
+    exact = force(0.0125, 1e-6)
+    errors = [np.sqrt(np.mean((force(h, 1e-6) - exact) ** 2)) for h in (0.1, 0.05)]
+    assert errors[0] / errors[1] > 3.0
+    by_tolerance = [np.sqrt(np.mean((force(0.0125, r) - exact) ** 2)) for r in (1e-4, 1e-5)]
+    assert by_tolerance[0] > by_tolerance[1]
+
+
+# Against formulas ---------------------------------------------------------------------------------
+
+
+def test_load_lowered_on_a_cable() -> None:
+    """A weight on a vertical cable in vacuum: the winch holds (M + m L)(g - L'')."""
+    rope = cable(length=4.0, density=VACUUM, axial_stiffness=1e5)
+    load = body(0.0, mass=0.5)
+    base = scene(
+        rope=rope,
+        a=FREE,
+        b=held([0.0, 0.0, 0.0]),
+        attachments=[load],
+        density=VACUUM,
+        segments=80,
+        initial=straight([0.0, 0.0, -1.0], [0.0, 0.0, 1.0], 1.0),
+        duration=3.0,
+        interval=0.01,
+        relative_tolerance=1e-6,
+    )
+    dataset = simulate(winched(base, 1.0, [[0, 0], [1, 0], [2, 0.8], [3, 0.8]]))
+    length, force = dataset["deployed_length"].values, -dataset["end_force"].values[:, 1, 2]
+    weight = 0.5 + 0.055 * length
+    settled = dataset["time"].values > 0.3
+    quiet = settled & (np.abs(dataset["time"].values % 1.0 - 0.65) < 0.34)
+    gain = np.where((dataset["time"].values > 1.0) & (dataset["time"].values < 2.0), 0.8, 0.0)
+    np.testing.assert_allclose(force[quiet], (weight * (9.81 - gain))[quiet], rtol=2e-3)
+    sunk = -dataset["position"].values[:, 0, 2]
+    np.testing.assert_allclose(sunk, length * (1.0 + 0.55 * 9.81 / 1e5), atol=2e-4)
+
+
+def test_energy_of_a_cable_in_vacuum_is_what_the_winch_gives() -> None:
+    """Kinetic, potential and elastic energy change by the work at the winch and what flows in with the cable."""
+    rope = cable(length=4.0, density=VACUUM)
+    base = scene(
+        rope=rope, density=VACUUM, segments=160, duration=1.5, interval=2e-3, relative_tolerance=1e-7
+    )
+    d = simulate(winched(base, 2.5, [[0, 0], [0.3, 0.4], [1.2, 0.4], [1.5, 0]]))
+    energy = (d["kinetic_energy"] + d["potential_energy"] + d["elastic_energy"]).values
+    speed, velocity = d["payout_speed"].values, d["velocity"].values[:, -1]
+    force = -d["end_force"].values[:, 1]  # of the winch on the cable
+    kinetic = 0.5 * 0.055 * np.sum(velocity**2, axis=1)  # of a metre at the winch; its height is nought
+    power = np.sum(force * velocity, axis=1) + speed * kinetic
+    times = d["time"].values
+    work = np.concatenate(([0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(times))))
+    assert np.abs(energy - energy[0] - work).max() < 0.01 * np.ptp(work)
+
+
+# Hard cases ---------------------------------------------------------------------------------------
+
+
+def test_turning_back_right_at_an_event() -> None:
+    whole = build_mesh(cycle())
+    appears = whole.insertion_length(60)
+    assert appears is not None
+    half = 2.0 * (appears - 3.0) / 0.2  # ramps up and down reach exactly so far
+    speeds = [
+        [0, 0],
+        [half / 2, 0.2],
+        [half, 0],
+        [1.5 * half, -0.2],
+        [2 * half, 0],
+        [2.5 * half, 0.2],
+        [3 * half, 0],
+    ]
+    dataset = simulate(cycle(payout=speeds, duration=3 * half + 0.5))
+    assert dataset.attrs["status"] == "completed"
+    assert dataset.sizes["winch_event"] <= 6
+    assert float(dataset["deployed_length"][-1]) == pytest.approx(appears, abs=1e-12)
+
+
+@pytest.mark.parametrize("speed", [5.0, -5.0])
+def test_five_metres_a_second(speed: float) -> None:
+    start = 3.0 if speed > 0 else 8.0
+    rope = cable(length=9.0)
+    base = scene(rope=rope, segments=180, duration=1.1, interval=0.1)
+    dataset = simulate(winched(base, start, [[0, 0], [0.1, speed], [1.0, speed], [1.1, 0]]))
+    assert dataset.attrs["status"] == "completed"
+    assert dataset.sizes["winch_event"] == pytest.approx(100, abs=2)
+    assert float(dataset["deployed_length"][-1]) == pytest.approx(start + speed, abs=1e-12)
+    assert np.isfinite(dataset["position"].isel(node=0)).all()
+    assert np.nanmax(np.abs(dataset["tension"])) < 100.0
+
+
+def test_speed_step_without_ramp() -> None:
+    dataset = simulate(
+        cycle(payout=[[0, 0], [0.5, 0], [0.5, 0.5], [2, 0.5], [2, -0.5], [3, -0.5]], duration=3.0)
+    )
+    assert dataset.attrs["status"] == "completed"
+    assert float(dataset["deployed_length"][-1]) == pytest.approx(3.25, abs=1e-12)
+
+
+def test_slack_then_taut() -> None:
+    """Reeled in until it is taut and beyond: the tension is that of the strain."""
+    rope = cable(length=3.0, axial_stiffness=1e4)
+    base = scene(rope=rope, segments=60, duration=8.0, interval=0.05)
+    dataset = simulate(winched(base, 1.9, [[0, 0], [0.5, -0.1], [4, -0.1], [4.5, 0]]))
+    assert dataset.attrs["status"] == "completed"
+    length = float(dataset["deployed_length"][-1])
+    assert length < 1.51
+    tight = winched(base, 1.52, [[0, 0], [0.5, -0.02], [2.0, -0.02], [2.5, 0]])
+    end = simulate(tight).isel(time=-1)
+    strain = 1.5 / float(end["deployed_length"]) - 1.0
+    assert strain > 0.01
+    assert float(end["end_tension"][0]) == pytest.approx(1e4 * strain, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("payout", "attachments", "limits", "status", "length"),
+    [
+        ([[0, 0.5]], [], {}, Status.DRUM_EMPTY, 5.4),
+        ([[0, -0.5]], [body(2.0, mass=0.1)], {}, Status.ATTACHMENT_AT_WINCH, 2.0 + SHORTEST * 0.05),
+        ([[0, -0.5]], [], {"minimum_length": 2.2}, Status.MINIMUM_LENGTH, 2.2),
+    ],
+)
+def test_winch_stops_with_a_reason(payout, attachments, limits, status, length) -> None:
+    base = scene(
+        rope=cable(length=5.4), segments=108, attachments=attachments, duration=10.0, b=held([0.5, 0, 0])
+    )
+    dataset = simulate(winched(base, 3.0, payout, **limits))
+    assert dataset.attrs["status"] == status.value
+    assert f"{length:.6g} m deployed" in dataset.attrs["message"]
+    assert float(dataset["deployed_length"][-1]) == pytest.approx(length, abs=1e-6)
+    assert np.isfinite(dataset["end_force"].values).all()
+
+
+def test_body_comes_from_the_drum() -> None:
+    """A float on the drum is out of the water until it is paid out; then it pulls up."""
+    buoy = body(3.5, mass=0.02, volume=1e-4, drag_area=1e-3, added_mass=0.5)
+    base = scene(rope=cable(length=5.4), segments=108, attachments=[buoy], duration=8.0, interval=0.05)
+    dataset = simulate(winched(base, 3.0, [[0, 0], [0.5, 0.25], [7.0, 0.25], [7.5, 0]]))
+    assert dataset.attrs["status"] == "completed"
+    out = dataset["deployed_length"] > 3.5 + LONGEST_BEYOND * 0.05
+    there = np.isfinite(dataset["attachment_position"]).all(dim=("attachment", "axis"))
+    assert np.array_equal(there.values, out.values)
+    assert dataset["attachment_position"].isel(time=-1, attachment=0).sel(axis="z") > -0.6
+
+
+# Around it ----------------------------------------------------------------------------------------
+
+
+def test_drum_is_nowhere_in_the_results() -> None:
+    dataset = run()
+    deployed = dataset["deployed_length"].values[:, None]
+    s = dataset["s"].values
+    there = np.isfinite(dataset["position"].values).all(axis=2)
+    assert there[:, -1].all()
+    assert not (there[:, :-1] & (s[:-1] >= deployed)).any()
+    assert there[:, :-1][s[:-1] < deployed - 1.6 * 0.05].all()
+    np.testing.assert_allclose(
+        dataset["position"].values[:, -1], [[1.5, 0.0, 0.0]] * len(s[:1]) * 1, atol=1e-6
+    )
+    assert np.isfinite(dataset["tension"].values[:, -1]).all()
+
+
+def test_skips_change_nothing() -> None:
+    part = {"duration": 3.0, "relative_tolerance": 1e-7, "interval": 0.1}
+    flat, solid = simulate(cycle(**part)), simulate(cycle(skip=False, **part))
+    np.testing.assert_allclose(flat["position"], solid["position"], rtol=0, atol=1e-6)
+
+
+def test_snapshot_comes_back_across_events() -> None:
+    simulation = Simulation(cycle(relative_tolerance=1e-6))
+    simulation.step(1.0)
+    before = simulation.snapshot()
+    first = simulation.step(2.0)
+    simulation.restore(before)
+    again = simulation.step(2.0)
+    assert len(first.position) == len(again.position) > 60
+    np.testing.assert_allclose(again.position, first.position, rtol=0, atol=1e-6)
+
+
+def test_driven_from_outside_as_by_a_program() -> None:
+    simulation = Simulation(cycle(payout=[[0, 0]], relative_tolerance=1e-6))
+    simulation.step(0.5, payout_speed=0.25)
+    observed = simulation.step(2.5)
+    assert (observed.deployed_length, observed.payout_speed) == pytest.approx((3.6875, 0.25))
+    wanted = run(rtol=1e-6).sel(time=3.0)["position"].dropna("node")
+    np.testing.assert_allclose(observed.position, wanted, rtol=0, atol=2e-5)
+
+
+def test_limits_hold_for_commands_from_outside() -> None:
+    base = winched(cycle(), 3.0, [[0, 0]], maximum_speed=0.3, maximum_acceleration=0.5)
+    simulation = Simulation(base)
+    assert simulation.step(0.2, payout_speed=1.0).payout_speed == pytest.approx(0.1)
+    assert simulation.step(2.0, payout_speed=1.0).payout_speed == pytest.approx(0.3)
+
+
+def proportional(measured: Measurement) -> float:
+    return 2.0 * (3.4 - measured.deployed_length)
+
+
+def test_controller_at_20_hz_costs_no_restarts() -> None:
+    control = Control(period=0.05, delay=0.0, make=lambda: proportional)
+    dataset = simulate(
+        winched(cycle(), 3.0, control).__class__(**vars(winched(cycle(duration=4.0), 3.0, control)))
+    )
+    assert dataset.attrs["starts"] == 1 + dataset.sizes["winch_event"]
+    # the winch reaches each answer a period later: L' follows 2 (3.4 - L) of a period before
+    assert float(dataset["deployed_length"][-1]) == pytest.approx(3.4, abs=1e-3)
+    early = dataset.sel(time=1.0, method="nearest")["deployed_length"]
+    assert float(early) == pytest.approx(3.4 - 0.4 * np.exp(-2.0 * (1.0 - 0.075)), abs=0.01)
+
+
+def test_a_failing_controller_ends_the_run_with_what_it_said() -> None:
+    def fails(measured: Measurement) -> float:
+        if measured.time > 0.5:
+            raise ValueError("no idea")
+        return 0.1
+
+    dataset = simulate(winched(cycle(), 3.0, Control(period=0.05, delay=0.0, make=lambda: fails)))
+    assert dataset.attrs["status"] == "controller failed"
+    assert "ValueError: no idea" in dataset.attrs["message"]
+    assert float(dataset["time"][-1]) == pytest.approx(0.55)
+
+
+def test_controller_is_told_old_news() -> None:
+    seen: list[tuple[float, float]] = []
+    simulation: Simulation
+
+    def listens(measured: Measurement) -> float:
+        seen.append((simulation.time, measured.time))
+        return 0.0
+
+    simulation = Simulation.__new__(Simulation)
+    simulation.__init__(winched(cycle(), 3.0, Control(period=0.05, delay=0.12, make=lambda: listens)))
+    simulation.step(0.6)
+    ages = [now - then for now, then in seen if now > 0.2]
+    np.testing.assert_allclose(ages, 0.15, atol=1e-9)
+
+
+def test_an_hour_of_cranking_leaves_nothing_behind() -> None:
+    """The events of many cycles keep no solver objects, no lists and no models but one of each size."""
+    rng = np.random.default_rng(1)
+    times = np.arange(0.0, 120.0, 1.0)
+    speeds = np.concatenate(([0.0], rng.uniform(-0.5, 0.5, times.size - 1)))
+    lengths = 3.0 + np.concatenate(([0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))))
+    assert lengths.min() > 2.0
+    assert lengths.max() < 5.3
+    simulation = Simulation(
+        cycle(payout=np.stack((times, speeds), 1), segment=0.1, relative_tolerance=1e-4, duration=119.0)
+    )
+    dataset = simulation.run()
+    assert dataset.attrs["status"] == "completed"
+    assert dataset.sizes["winch_event"] > 150
+    sizes = len({n for n in range(200) if n in simulation._integrators})
+    assert sizes == len(simulation._integrators) <= 30
+    calls = dataset.attrs["residual_calls"] / dataset.sizes["winch_event"]
+    assert calls < 60
+
+
+def test_bound_on_the_time_of_a_fall() -> None:
+    program = payout_waypoints(3.0, [0.0, 1.0, 2.0], [0.5, -1.0, -1.0])
+    table = program.coefficients[:, :, 0]
+    for start in (0.0, 0.4, 1.0, 1.7, 5.0):
+        for fall in (0.01, 0.3, 2.0):
+            bound = earliest_fall(program.breaks, table, start, fall)
+            times = np.linspace(start, bound, 200)
+            assert program.position(times)[:, 0].min() >= program.position(start)[0] - fall - 1e-12
+            assert bound > start
+    assert earliest_fall(program.breaks[:2], np.array([[3.0, 0.5, 0, 0, 0, 0]]), 0.0, 0.1) == np.inf
+
+
+def test_material_at_the_winch_moves_with_the_drum() -> None:
+    simulation = Simulation(cycle())
+    simulation.step(2.0)
+    y, _ = simulation.state
+    velocity = material_velocity(simulation.time, y, simulation.model)
+    chord = simulation.model.layout.chord(y)[-1]
+    assert np.linalg.norm(velocity) == pytest.approx(0.25, rel=1e-3)
+    assert velocity @ chord < 0.0  # away from the winch
+    assert simulation.model.frame is not SPACE
