@@ -5,6 +5,7 @@ Depends on: builders, case, scene.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from cablesim.builders.review import STATES_LIMIT as STATES_LIMIT
 from cablesim.builders.review import STRAIN_LIMIT as STRAIN_LIMIT
 from cablesim.builders.review import Review
 from cablesim.builders.water import build_water
+from cablesim.builders.winch import build_winch
 from cablesim.case import Case, CaseError, models
 
 
@@ -60,27 +62,26 @@ def build_scene(case: Case, *, directory: str | Path | None = None) -> scene.Sce
         numerics=_numerics(case.simulation),
         output=parts["output"],
         source=case.to_yaml(),
+        winch=parts["winch"],
     )
 
 
 def _build_parts(review: Review) -> dict[str, Any]:
     """Parts of the scene by name; one that was refused is missing."""
     parts: dict[str, Any] = {}
-    builders = {
-        "cable": build_cable,
-        "water": build_water,
-        "mesh": build_mesh_rules,
-        "attachments": build_attachments,
-        "ends": build_ends,
-        "output": build_output,
-    }
-    for name, build in builders.items():
+
+    def build(name: str, builder: Callable[..., Any], *others: str) -> None:
         with review.collect():
-            parts[name] = build(review)
-    with review.collect():
-        parts["initial"] = build_initial(
-            review, parts.get("cable"), parts.get("ends"), parts.get("attachments")
-        )
+            parts[name] = builder(review, *(parts.get(other) for other in others))
+
+    build("cable", build_cable)
+    build("water", build_water)
+    build("mesh", build_mesh_rules)
+    build("attachments", build_attachments)
+    build("winch", build_winch)
+    build("ends", build_ends, "winch")
+    build("output", build_output)
+    build("initial", build_initial, "cable", "ends", "attachments")
     return parts
 
 

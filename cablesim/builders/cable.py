@@ -22,7 +22,7 @@ def build_cable(review: Review) -> scene.Cable:
     given = review.case.cable
     if given.diameter > 1:
         warnings.warn(
-            f"cable.diameter is {given.diameter:g} m; did you mean {given.diameter:g} mm?", stacklevel=4
+            f"cable.diameter is {given.diameter:g} m; did you mean {given.diameter:g} mm?", stacklevel=5
         )
     section, weight = _section_and_weight(review)
     return scene.Cable(

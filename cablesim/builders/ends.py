@@ -5,7 +5,6 @@ Depends on: review, case, motion, recording, scene.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from cablesim import recording, scene
 from cablesim.builders.review import STRAIN_LIMIT, Review, Stop
 from cablesim.case import models
 from cablesim.case.errors import Location
+from cablesim.scene import Vector
 
 STRETCH_LIMIT = 0.5
 """Strain that the motions of the ends may impose later: more is a mistake in a path or a length."""
@@ -22,8 +22,11 @@ STRETCH_LIMIT = 0.5
 _SAMPLES = 400  # times at which the distance of the ends is checked
 
 
-def build_ends(review: Review) -> tuple[scene.End, scene.End]:
-    """Make the motions and clamps of both ends."""
+def build_ends(review: Review, winch: scene.Winch | None) -> tuple[scene.End, scene.End]:
+    """Make the motions and clamps of both ends; refuse ends that would tear the cable.
+
+    `winch` is ``None`` also when it was refused already.
+    """
     ends: list[scene.End] = []
     for name in ("a", "b"):
         with review.collect():
@@ -32,7 +35,8 @@ def build_ends(review: Review) -> tuple[scene.End, scene.End]:
         raise Stop
     end_a, end_b = ends
     if end_a.motion is not None and end_b.motion is not None:
-        _check_distance(review, end_a.motion, end_b.motion)
+        _check_start(review, end_a.motion, end_b.motion)
+        _check_run(review, end_a.motion, end_b.motion, winch)
     return end_a, end_b
 
 
@@ -51,15 +55,8 @@ def _end(review: Review, given: Any, where: Location) -> scene.End:
     if isinstance(given, models.FreeEnd):
         return scene.End(motion=None, clamp=clamp)
     motion = _motion(review, given, where)
-    duration = review.case.simulation.duration
-    if motion.end_time < duration * (1 - 1e-9):
-        what = "recording" if isinstance(given, models.RecordedEnd) else "motion"
-        raise review.refuse(
-            (*where, "motion"),
-            f"the {what} ends {motion.end_time:g} s after the start, before the run of {duration:g} s",
-            f"Give `simulation.duration` of {motion.end_time:g} s or less, or a longer {what}.",
-            None,
-        )
+    what = "recording" if isinstance(given, models.RecordedEnd) else "motion"
+    review.known_long_enough(motion, what, (*where, "motion"))
     return scene.End(motion=motion, clamp=clamp)
 
 
@@ -78,7 +75,7 @@ def _motion(review: Review, given: Any, where: Location) -> motions.Motion:
                 ramp=given.ramp,
                 duration=review.case.simulation.duration,
             )
-    _check_waypoints(review, given.waypoints, (*where, "waypoints"))
+    review.waypoint_times(given.waypoints, (*where, "waypoints"))
     table = np.array(given.waypoints, dtype=float)
     with review.trying((*where, "waypoints"), "Check the rows."):
         if isinstance(given, models.VelocityWaypointsEnd):
@@ -88,21 +85,6 @@ def _motion(review: Review, given: Any, where: Location) -> motions.Motion:
         rates[:, [order.index(channel) for channel in given.channels]] = table[:, 1:]
         return motions.rov_waypoints(
             given.position, given.heading, table[:, 0], rates, given.attachment_offset
-        )
-
-
-def _check_waypoints(review: Review, rows: Sequence[Sequence[float]], where: Location) -> None:
-    times = np.array([row[0] for row in rows])
-    if times[0] > 0:
-        raise review.refuse(
-            (*where, 0, 0), "is after the start", "Add a first waypoint at 0 s: how the motion begins."
-        )
-    falls = np.flatnonzero(np.diff(times) < 0)
-    if falls.size:
-        raise review.refuse(
-            (*where, int(falls[0]) + 1, 0),
-            f"is before the waypoint above it, {times[falls[0]]:g} s",
-            "Sort the waypoints by time; two at one time make a jump.",
         )
 
 
@@ -129,28 +111,49 @@ def _recorded(review: Review, given: models.RecordedEnd, where: Location) -> mot
         return motions.recorded(times, positions, given.noise, start=given.start)
 
 
-def _check_distance(review: Review, motion_a: motions.Motion, motion_b: motions.Motion) -> None:
-    """Refuse ends farther apart than the cable can span."""
-    length, duration = review.case.cable.length, review.case.simulation.duration
-    times = np.linspace(0.0, duration, _SAMPLES)
-    distances = np.linalg.norm(motion_b.position(times) - motion_a.position(times), axis=-1)
-    strain = distances[0] / length - 1
+def _check_start(review: Review, motion_a: motions.Motion, motion_b: motions.Motion) -> None:
+    """Refuse ends farther apart at t = 0 than the cable between them can span."""
+    length = review.start_length
+    distance = float(np.linalg.norm(motion_b.position(0.0) - motion_a.position(0.0)))
+    strain = distance / length - 1
     if strain > STRAIN_LIMIT:
         force = review.case.cable.axial_stiffness * strain
+        longer = "a longer cable" if review.case.winch is None else "a longer `winch.deployed_length`"
         raise review.refuse(
             ("ends",),
-            f"the ends are {distances[0]:.4g} m apart at the start, a cable of {length:g} m would need "
+            f"the ends are {distance:.4g} m apart at the start, a cable of {length:g} m would need "
             f"{strain:.1%} strain ({force:.3g} N)",
-            f"Bring them within {length:g} m, or give a longer cable.",
+            f"Bring them within {length:g} m, or give {longer}.",
             None,
         )
-    far = int(np.argmax(distances))
-    if distances[far] > length * (1 + STRETCH_LIMIT):
-        first = int(np.argmax(distances > length * (1 + STRETCH_LIMIT)))
+
+
+def _check_run(
+    review: Review, motion_a: motions.Motion, motion_b: motions.Motion, winch: scene.Winch | None
+) -> None:
+    """Refuse motions that tear the cable later, as far as its length is known then."""
+    times = np.linspace(0.0, review.case.simulation.duration, _SAMPLES)
+    lengths = np.full(times.size, review.case.cable.length)
+    if winch is not None and isinstance(winch.payout, motions.Motion):
+        times, lengths = _deployed(winch.payout, winch.minimum_length, times, review.case.cable.length)
+    distances = np.linalg.norm(motion_b.position(times) - motion_a.position(times), axis=-1)
+    torn = distances > lengths * (1 + STRETCH_LIMIT)
+    if torn.any():
+        first, far = int(np.argmax(torn)), int(np.argmax(np.where(torn, distances, 0.0)))
         raise review.refuse(
             ("ends",),
             f"the motions take the ends {distances[far]:.4g} m apart (t = {times[far]:.4g} s), "
-            f"a cable of {length:g} m would be torn at t = {times[first]:.4g} s",
+            f"a cable of {lengths[first]:.4g} m would be torn at t = {times[first]:.4g} s",
             "Shorten the run or the way, or give a longer cable.",
             None,
         )
+
+
+def _deployed(
+    payout: motions.Motion, shortest: float, times: Vector, longest: float
+) -> tuple[Vector, Vector]:
+    """Times and deployed lengths of a program until it leaves the cable it has: there the run stops."""
+    lengths = payout.position(times)[:, 0]
+    outside = (lengths <= shortest) | (lengths > longest)
+    count = int(np.argmax(outside)) if outside.any() else times.size
+    return times[:count], lengths[:count]

@@ -57,12 +57,12 @@ def _saved_state(
         state = read_saved_state(file, given.time)
     except SavedStateError as error:
         raise review.refuse(("initial", "file"), str(error), "Give another result or time.") from error
-    length = review.case.cable.length
+    length = review.start_length
     if abs(state.arc[-1] - length) > 1e-6 * length:
         raise review.refuse(
             ("initial", "file"),
             f"is the state of {state.arc[-1]:g} m of cable, not of {length:g} m",
-            f"Give a cable.length of {state.arc[-1]:g} m, or the state of such a cable.",
+            f"Give a {review.length_key} of {state.arc[-1]:.9g} m, or the state of such a cable.",
         )
     for end, place, name in zip(ends or (), state.positions[[0, -1]], "ab", strict=False):
         if end.motion is not None:
@@ -71,7 +71,7 @@ def _saved_state(
 
 
 def _check_saved_end(review: Review, name: str, distance: float) -> None:
-    if distance > _SPAN * review.case.cable.length:
+    if distance > _SPAN * review.start_length:
         raise review.refuse(
             ("initial", "file"),
             f"has end {name} {distance:.3g} m from where ends.{name} begins",
@@ -105,7 +105,7 @@ def _check_drifting(
 def _taut(
     review: Review, given: models.TautStart, ends: tuple[scene.End, scene.End]
 ) -> scene.TautShape | scene.MarkerShape:
-    length = review.case.cable.length
+    length = review.start_length
     direction = None if given.direction is None else review.unit(given.direction, ("initial", "direction"))
     motion_a, motion_b = ends[0].motion, ends[1].motion
     if motion_a is not None and motion_b is not None:
@@ -138,7 +138,7 @@ def _taut(
 
 def _taut_between_free_ends(review: Review, direction: Vector) -> scene.MarkerShape:
     """Place a straight cable that nothing holds where one of its free ends says."""
-    length = review.case.cable.length
+    length = review.start_length
     free_a, free_b = (getattr(end, "position", None) for end in (review.case.ends.a, review.case.ends.b))
     if free_a is None and free_b is None:
         raise review.refuse(
@@ -168,7 +168,7 @@ def _catenary(review: Review, cable: scene.Cable, held: list[motions.Motion]) ->
         )
     distance = float(np.linalg.norm(held[1].position(0.0) - held[0].position(0.0)))
     neutral = abs(cable.wet_weight) <= 1e-9 * max(cable.mass_per_length * review.case.gravity, 1e-12)
-    if neutral and distance < cable.length:
+    if neutral and distance < review.start_length:
         raise review.refuse(
             where,
             "does not exist for a neutral cable with slack",
@@ -209,7 +209,7 @@ def _markers(review: Review, given: models.MarkersStart) -> tuple[Vector, Vector
 def _marker_shape(
     review: Review, arc: Vector, positions: Vector, ends: tuple[scene.End, scene.End] | None
 ) -> scene.MarkerShape:
-    length = review.case.cable.length
+    length = review.start_length
     where: Location = ("initial",) if getattr(review.case.initial, "file", None) else ("initial", "arc")
     falls = np.flatnonzero(np.diff(arc) <= 0)
     if falls.size:
@@ -223,7 +223,7 @@ def _marker_shape(
         raise review.refuse(
             where,
             f"the markers span {arc[0]:g} to {arc[-1]:g} m of a cable from 0 to {length:g} m",
-            "Add markers at both ends, or correct `cable.length`.",
+            f"Add markers at both ends, or correct `{review.length_key}`.",
             None,
         )
     arc = arc.copy()
@@ -251,7 +251,7 @@ def _tie(review: Review, positions: Vector, ends: tuple[scene.End, scene.End]) -
             continue
         place = end.motion.position(0.0)
         off = float(np.linalg.norm(place - positions[index]))
-        if off > _OFF_END * review.case.cable.length:
+        if off > _OFF_END * review.start_length:
             raise review.refuse(
                 ("initial",),
                 f"the {'first' if name == 'a' else 'last'} marker is {off:.4g} m from end {name.upper()} "

@@ -1,11 +1,11 @@
 """A case under review: what is wrong with it is collected, so that all of it is said at once.
 
-Depends on: case, recording, scene.
+Depends on: case, motion, recording, scene.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from cablesim import recording
 from cablesim.case import Case, Problem
 from cablesim.case.errors import Location, nearest
 from cablesim.case.quantities import UnitError, length_factor
+from cablesim.motion import Motion
 from cablesim.scene import Vector
 
 STRAIN_LIMIT = 0.05
@@ -47,6 +48,17 @@ class Review:
         self.case = case
         self.directory = directory
         self.problems: list[Problem] = []
+
+    @property
+    def start_length(self) -> float:
+        """Unstretched length between A and B at t = 0 [m]."""
+        winch = self.case.winch
+        return self.case.cable.length if winch is None else winch.deployed_length
+
+    @property
+    def length_key(self) -> str:
+        """Where the case says this length."""
+        return "cable.length" if self.case.winch is None else "winch.deployed_length"
 
     @contextmanager
     def collect(self) -> Iterator[None]:
@@ -92,6 +104,32 @@ class Review:
         if not norm > 0:
             raise self.refuse(path, "has no length", "Give a direction such as [1, 0, 0].")
         return vector / norm
+
+    def waypoint_times(self, rows: Sequence[Sequence[float]], where: Location) -> None:
+        """Refuse waypoints that begin after t = 0 or are not sorted by their time, the first column."""
+        times = np.array([row[0] for row in rows])
+        if times[0] > 0:
+            raise self.refuse(
+                (*where, 0, 0), "is after the start", "Add a first waypoint at 0 s: how the motion begins."
+            )
+        falls = np.flatnonzero(np.diff(times) < 0)
+        if falls.size:
+            raise self.refuse(
+                (*where, int(falls[0]) + 1, 0),
+                f"is before the waypoint above it, {times[falls[0]]:g} s",
+                "Sort the waypoints by time; two at one time make a jump.",
+            )
+
+    def known_long_enough(self, motion: Motion, what: str, where: Location) -> None:
+        """Refuse a motion that ends before the run."""
+        duration = self.case.simulation.duration
+        if motion.end_time < duration * (1 - 1e-9):
+            raise self.refuse(
+                where,
+                f"the {what} ends {motion.end_time:g} s after the start, before the run of {duration:g} s",
+                f"Give `simulation.duration` of {motion.end_time:g} s or less, or a longer {what}.",
+                None,
+            )
 
     def length_factor(self, unit: str, where: Location) -> float:
         """Metres in one `unit` of length."""
