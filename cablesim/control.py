@@ -303,7 +303,8 @@ def _run_file(path: Path) -> ModuleType:
     sys.modules[module.__name__] = module  # dataclasses and pickle look there
     with _importable(path.parent):
         try:
-            exec(compile(path.read_bytes(), str(path), "exec"), module.__dict__)
+            code = compile(path.read_bytes(), str(path), "exec", dont_inherit=True)
+            exec(code, module.__dict__)
         except (Exception, SystemExit) as error:
             _refuse_import(str(path), error)
     return module
