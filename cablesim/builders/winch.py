@@ -293,7 +293,7 @@ def _constant_length(review: Review, given: models.ConstantLengthPayout, winch: 
 
 
 def _function(review: Review, given: models.FunctionPayout) -> Any:
-    make = partial(control.user_controller, given.function, review.directory, given.options)
+    make = partial(control.user_controller, given.function, review.directory.resolve(), given.options)
     try:
         make()
     except control.ControllerError as error:
