@@ -1,4 +1,4 @@
-"""Read recorded positions from CSV, netCDF or a Qualisys QTM export.
+"""Read recorded positions and lengths from CSV, netCDF or a Qualisys QTM export.
 
 Depends on: nothing of ours.
 
@@ -14,7 +14,7 @@ import difflib
 import logging
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,6 +34,9 @@ _NETCDF_STARTS = (b"CDF", b"\x89HDF")
 _SECONDS = {"", "s", "sec", "second", "seconds"}
 
 _logger = logging.getLogger(__name__)
+
+# File, its data, names of variables -> values (k, d) and the dimension along which they are
+_Extractor = Callable[[Path, "xarray.Dataset", Sequence[str]], tuple[Vector, str]]
 
 
 class RecordingError(ValueError):
@@ -114,8 +117,80 @@ def read_recording(
     elif kind == "netcdf":
         times, positions, places = _read_netcdf(source, time_column, sample_interval, columns, where or {})
     else:
+        _require_three(source, columns)
         times, positions, places = _read_csv(source, time_column, sample_interval, columns, where or {})
     return _without_gaps(source, times, positions * unit_factor, places)
+
+
+def read_lengths(
+    path: str | Path,
+    *,
+    column: str,
+    format: str = "auto",
+    time_column: str | None = None,
+    sample_interval: float | None = None,
+    where: Mapping[str, Any] | None = None,
+    unit_factor: float = 1.0,
+) -> tuple[Vector, Vector]:
+    """Read one length, such as the deployed length of a winch, against time.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    column : str
+        Name of the column or variable with the length.
+    format, time_column, sample_interval, where, unit_factor
+        As of `read_recording`; a QTM export holds positions only.
+
+    Returns
+    -------
+    times : ndarray, shape (k,)
+        Strictly increasing [s].
+    lengths : ndarray, shape (k,)
+        Lengths [m]; rows without one are left out.
+
+    Raises
+    ------
+    RecordingError
+        As `read_recording`.
+    """
+    source = _existing(path)
+    kind = _format(source, format)
+    if kind == "qtm":
+        raise RecordingError(f"{source}: a QTM export holds positions, no lengths; give csv or netCDF.")
+    if kind == "netcdf":
+        values = _read_netcdf(
+            source, time_column, sample_interval, (column,), where or {}, extract=_netcdf_lengths
+        )
+    else:
+        values = _read_csv(source, time_column, sample_interval, (column,), where or {})
+    times, lengths = _without_gaps(source, *values)
+    return times, lengths[:, 0] * unit_factor
+
+
+def read_columns(path: str | Path, names: Sequence[str]) -> Vector:
+    """Read columns of numbers from a CSV file with a line of names at its top.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    names : sequence of str
+        Names of the columns.
+
+    Returns
+    -------
+    ndarray, shape (k, len(names))
+        The numbers, one row for each line, in the file's units.
+
+    Raises
+    ------
+    RecordingError
+        If the file or a column is not found, or a cell is not a finite number.
+    """
+    table = _load_table(_existing(path))
+    return np.stack([_column(table, name) for name in names], axis=1)
 
 
 def read_markers(
@@ -155,7 +230,8 @@ def read_markers(
         occurs twice, or fewer than two markers remain.
     """
     table = _pick(_load_table(_existing(path)), where or {})
-    positions = _position_columns(table, columns) * unit_factor
+    _require_three(table.path, columns)
+    positions = _value_columns(table, columns) * unit_factor
     seen = ~np.isnan(positions[:, 0])
     arc = _column(table, arc_column)[seen]
     positions = positions[seen]
@@ -264,12 +340,12 @@ def _read_csv(
             f"{path}: {given} of time_column and sample_interval given; name the column of the times "
             f"(columns: {', '.join(table.names)}), or give the time between samples of a file without."
         )
-    positions = _position_columns(table, columns)
+    values = _value_columns(table, columns)
     if time_column is not None:
         times = _column(table, time_column)
     else:
         times = _regular_times(len(table.rows), sample_interval or 0.0)
-    return times, positions, [f"line {line}" for line in table.lines]
+    return times, values, [f"line {line}" for line in table.lines]
 
 
 def _load_table(path: Path) -> _Table:
@@ -378,18 +454,21 @@ def _column(table: _Table, name: str, empty: float | None = None) -> Vector:
         if not math.isfinite(values[i]):
             raise RecordingError(
                 f"{table.path}, line {table.lines[i]}, column {name!r}: {row[index]!r} is not a finite "
-                "number; correct it, or leave x, y and z empty where the marker was lost."
+                "number; correct it, or leave the cells empty where nothing was measured."
             )
     return values
 
 
-def _position_columns(table: _Table, columns: Sequence[str]) -> Vector:
-    """Positions (k, 3), NaN in all three where the cells are empty."""
+def _require_three(path: Path, columns: Sequence[str]) -> None:
     if isinstance(columns, str) or len(columns) != 3:
-        raise RecordingError(f"{table.path}: columns is {columns!r}; give the names of x, y and z.")
-    positions = np.stack([_column(table, name, empty=math.nan) for name in columns], axis=1)
-    _refuse_partial(table.path, positions, [f"line {line}" for line in table.lines])
-    return positions
+        raise RecordingError(f"{path}: columns is {columns!r}; give the names of x, y and z.")
+
+
+def _value_columns(table: _Table, columns: Sequence[str]) -> Vector:
+    """Values (k, number of columns), NaN in the whole row where its cells are empty."""
+    values = np.stack([_column(table, name, empty=math.nan) for name in columns], axis=1)
+    _refuse_partial(table.path, values, [f"line {line}" for line in table.lines])
+    return values
 
 
 def _refuse_partial(path: Path, positions: Vector, places: Sequence[str]) -> None:
@@ -402,17 +481,15 @@ def _refuse_partial(path: Path, positions: Vector, places: Sequence[str]) -> Non
         )
 
 
-def _without_gaps(
-    path: Path, times: Vector, positions: Vector, places: Sequence[str]
-) -> tuple[Vector, Vector]:
+def _without_gaps(path: Path, times: Vector, values: Vector, places: Sequence[str]) -> tuple[Vector, Vector]:
     """Leave out lost samples and check that what remains is a recording."""
-    seen = ~np.isnan(positions[:, 0])
+    seen = ~np.isnan(values[:, 0])
     kept = np.flatnonzero(seen)
-    times, positions = times[seen], positions[seen]
+    times, values = times[seen], values[seen]
     if times.size < 2:
         raise RecordingError(
-            f"{path}: {times.size} of {seen.size} rows hold a position; a recording needs two at least, "
-            "check `where`, `marker` and `columns`."
+            f"{path}: {times.size} of {seen.size} rows hold a position or length; a recording needs two "
+            "at least, check `where`, `marker` and `columns`."
         )
     bad = np.flatnonzero(np.diff(times) <= 0)
     if bad.size:
@@ -423,13 +500,13 @@ def _without_gaps(
         )
     if kept.size < seen.size:
         _logger.warning(
-            "%s: marker lost in %d of %d samples, longest gap %.3g s",
+            "%s: measurement lost in %d of %d samples, longest gap %.3g s",
             path,
             seen.size - kept.size,
             seen.size,
             float(np.diff(times).max()),
         )
-    return times, positions
+    return times, values
 
 
 # --- netCDF
@@ -441,6 +518,7 @@ def _read_netcdf(
     sample_interval: float | None,
     columns: Sequence[str],
     where: Mapping[str, Any],
+    extract: _Extractor | None = None,
 ) -> tuple[Vector, Vector, list[str]]:
     import xarray
 
@@ -455,14 +533,14 @@ def _read_netcdf(
         if isinstance(error, RecordingError):
             raise
         raise RecordingError(f"{path}: not a readable netCDF file ({error}); check `format`.") from error
-    positions, dimension = _netcdf_positions(path, dataset, columns)
-    places = [f"{dimension}[{i}]" for i in range(len(positions))]
-    _refuse_partial(path, positions, places)
+    values, dimension = (extract or _netcdf_positions)(path, dataset, columns)
+    places = [f"{dimension}[{i}]" for i in range(len(values))]
+    _refuse_partial(path, values, places)
     if sample_interval is not None:
         if time_column is not None:
             raise RecordingError(f"{path}: both time_column and sample_interval given; give one of them.")
-        return _regular_times(len(positions), sample_interval), positions, places
-    return _netcdf_times(path, dataset, time_column or dimension, dimension), positions, places
+        return _regular_times(len(values), sample_interval), values, places
+    return _netcdf_times(path, dataset, time_column or dimension, dimension), values, places
 
 
 def _require_variable(path: Path, dataset: xarray.Dataset, name: str) -> None:
@@ -515,6 +593,17 @@ def _netcdf_positions(path: Path, dataset: xarray.Dataset, columns: Sequence[str
     return np.stack([_floats(path, part) for part in parts], axis=1), str(parts[0].dims[0])
 
 
+def _netcdf_lengths(path: Path, dataset: xarray.Dataset, columns: Sequence[str]) -> tuple[Vector, str]:
+    """Lengths (k, 1) and the name of the dimension along which they are."""
+    variable = dataset[columns[0]]
+    if variable.ndim != 1:
+        raise RecordingError(
+            f"{path}: {columns[0]!r} has dimensions {dict(variable.sizes)}; a length needs one alone, "
+            "pick from the others with `where`."
+        )
+    return _floats(path, variable)[:, None], str(variable.dims[0])
+
+
 def _floats(path: Path, variable: xarray.DataArray) -> Vector:
     if variable.dtype.kind not in "iuf":
         raise RecordingError(f"{path}: variable {variable.name!r} is of type {variable.dtype}; give numbers.")
@@ -563,7 +652,7 @@ def _read_qtm(
     names += [f"{name} {axis}" for name in markers for axis in "XYZ"]
     named = _Table(path=path, names=names, rows=table.rows, lines=table.lines)
     axes = [f"{markers[index]} {axis}" for axis in "XYZ"]
-    positions = _position_columns(named, axes)
+    positions = _value_columns(named, axes)
     positions[np.all(positions == 0.0, axis=1)] = np.nan
     times = _qtm_times(named, header, leading, sample_interval)
     return times, positions * _MILLIMETRE, [f"line {line}" for line in table.lines]

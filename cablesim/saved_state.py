@@ -6,6 +6,7 @@ Depends on: scene.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,10 @@ class SavedStateError(ValueError):
 
 def read_saved_state(path: str | Path, time: float | None) -> SavedState:
     """State of an earlier run.
+
+    With a winch the file has a place for every node of the whole cable.  Nodes on the drum are NaN,
+    and the last place is that of the outlet, end B: its material coordinate is the deployed length.
+    The last segment is the one that ends there.
 
     Parameters
     ----------
@@ -50,8 +55,9 @@ def read_saved_state(path: str | Path, time: float | None) -> SavedState:
                     "'output.variables' of the run that starts another."
                 )
             index = _index_of(path, np.asarray(file["time"][:]), time)
-            values = {name: np.asarray(file[name][index], dtype=float) for name in NEEDED[2:]}
-            arc = np.asarray(file["s"][:], dtype=float)
+            # missing numbers are masked, whatever stands for them in the file
+            values = {name: np.ma.filled(file[name][index].astype(float), np.nan) for name in NEEDED[2:]}
+            arc = _arc(path, file, index, values["position"])
     except OSError as error:
         raise SavedStateError(
             f"{path}: cannot be read as netCDF ({error}); give a file that 'run' wrote."
@@ -71,12 +77,26 @@ def _index_of(path: str | Path, times: Vector, time: float | None) -> int:
     return index
 
 
+def _arc(path: str | Path, file: Any, index: int, position: Vector) -> Vector:
+    """Material coordinates of the nodes at one time; with a winch the last is the deployed length."""
+    arc = np.array(file["s"][:], dtype=float)
+    if "deployed_length" in file.variables:
+        arc[-1] = float(file["deployed_length"][index])
+    elif np.isfinite(position[-1]).all() and np.isnan(position).any():
+        raise SavedStateError(
+            f"{path}: holds part of a cable and no deployed_length; keep deployed_length in the "
+            "'output.variables' of the run that starts another."
+        )
+    return arc
+
+
 def _deployed(
     path: str | Path, arc: Vector, position: Vector, velocity: Vector, tension: Vector
 ) -> SavedState:
     """The part of the arrays that is in the water; nodes on the drum are NaN."""
     there: NDArray[np.bool_] = np.asarray(np.isfinite(position).all(axis=1))
     segments = there[1:] & there[:-1]
+    segments[-1] = True  # it ends at the outlet, wherever its other end is
     state = SavedState(
         arc=arc[there], positions=position[there], velocities=velocity[there], tension=tension[segments]
     )

@@ -23,7 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cablesim.build import build_scene
 from cablesim.case import Case
-from cablesim.control import SAME_INSTANT, ControlError, ControlLoop, Measurement, limited_speed
+from cablesim.control import Measurement
+from cablesim.control.loop import SAME_INSTANT, ControlError, ControlLoop, limited_speed
 from cablesim.integrate import IdaIntegrator, Status
 from cablesim.integrate.ida import IdaOptions
 from cablesim.integrate.protocol import Counters

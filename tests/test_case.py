@@ -18,6 +18,7 @@ from cablesim import scene as data
 from cablesim.build import build_scene, default_interval
 from cablesim.case import Case, CaseError, case_schema, load_case, models
 from cablesim.case.quantities import _EVERYDAY, Quantity, UnitError, length_factor
+from cablesim.control import BuoyGap, ConstantLength, ConstantTension, Measurement
 
 ROOT = Path(__file__).resolve().parent.parent
 GALLERY = sorted((ROOT / "cases").glob("*.yaml"))
@@ -76,6 +77,10 @@ def cable_of(**changes: object) -> Case:
         ("kg/m**3", "1025 kg/m^3", 1025.0),
         ("kg/m**3", "1.025 g/cm^3", 1025.0),
         ("N/m", "0.376 N/m", 0.376),
+        ("m/s/N", "5 cm/s/N", 0.05),
+        ("m/s/N", "5 mm s^-1 mN^-1", 5.0),
+        ("m/s**2/N", "0.1 m/s^2/N", 0.1),
+        ("m/s**2/N", "1 m/s^2/kN", 1e-3),
     ],
 )
 def test_text_with_a_unit_becomes_si(unit: str, text: str | float, value: float) -> None:
@@ -508,6 +513,182 @@ def test_numerics_are_passed_on() -> None:
         skip=False,
     )
     assert build_scene(minimal()).numerics == data.Numerics()
+
+
+# Winch ------------------------------------------------------------------------------------------
+
+BUOYS = [
+    {"kind": "buoy", "name": "port", "at": 1, "mass": 0.02, "volume": 6e-5},
+    {"kind": "buoy", "name": "starboard", "at": 1.5, "mass": 0.02, "volume": 6e-5},
+]
+
+
+def winch_of(payout: dict[str, Any], directory: Path | None = None, **winch: Any) -> data.Winch:
+    """Winch of the minimal case with 8 m of cable, 3 m of it deployed."""
+    parts: dict[str, Any] = {
+        "cable": {**MINIMAL["cable"], "length": 8.0},
+        "attachments": BUOYS,
+        "winch": {"deployed_length": "3 m", "payout": payout, **winch},
+    }
+    found = build_scene(minimal(**parts), directory=directory).winch
+    assert found is not None
+    return found
+
+
+def controller_of(payout: dict[str, Any], directory: Path | None = None, **winch: Any) -> Any:
+    program = winch_of(payout, directory, **winch).payout
+    assert isinstance(program, data.Control)
+    return program.make()
+
+
+def test_no_winch_is_the_default() -> None:
+    scene = build_scene(minimal())
+    assert scene.winch is None
+    assert scene.start_length == 3.0
+
+
+def test_winch_with_waypoints() -> None:
+    rows = [["-1 s", 0], ["0 s", "10 cm/s"], [2, 0.3], [4, "-0.1 m/s"]]
+    winch = winch_of({"kind": "waypoints", "waypoints": rows})
+    assert winch.deployed_length == 3.0
+    assert (winch.maximum_speed, winch.maximum_acceleration) == (math.inf, math.inf)
+    assert winch.minimum_length == 0.0
+    assert isinstance(winch.payout, data.Motion)
+    assert winch.payout.coefficients.shape[2] == 1
+    np.testing.assert_allclose(winch.payout.position([0.0, 2.0, 4.0, 5.0])[:, 0], [3.0, 3.4, 3.6, 3.5])
+    np.testing.assert_allclose(winch.payout.velocity([1.0, 9.0])[:, 0], [0.2, -0.1])
+
+
+def test_limits_of_a_winch() -> None:
+    rows = [[0, 0], [0.5, 0.25]]
+    limits = {"maximum_speed": "25 cm/s", "maximum_acceleration": 0.5, "minimum_length": "50 cm"}
+    winch = winch_of({"kind": "waypoints", "waypoints": rows}, **limits)  # just what it can do
+    assert (winch.maximum_speed, winch.maximum_acceleration) == (0.25, 0.5)
+    assert winch.minimum_length == 0.5
+
+
+@pytest.mark.parametrize("rows", [[[0, 0], [10, 0.1], [11, 9]], [[-1, 9], [-1, 0], [0, 0]]])
+def test_limits_hold_during_the_run(rows: list[list[float]]) -> None:
+    payout = {"kind": "waypoints", "waypoints": rows}
+    assert winch_of(payout, maximum_speed=0.2, maximum_acceleration=0.5).maximum_speed == 0.2
+
+
+def test_recorded_payout_begins_at_the_deployed_length(tmp_path: Path) -> None:
+    """An encoder in millimetres that is 4 mm off at its start: the case says what is deployed."""
+    times = np.linspace(0.0, 12.0, 121)
+    rows = [f"{t:.2f};{3004 + 200 * (t - 1):.3f}" for t in times]
+    (tmp_path / "encoder.csv").write_text("\n".join(["t;out", *rows]))
+    payout = {"kind": "recorded", "file": "encoder.csv", "column": "out", "time_column": "t"}
+    winch = winch_of({**payout, "unit": "mm", "start": "1 s"}, tmp_path)
+    assert isinstance(winch.payout, data.Motion)
+    np.testing.assert_allclose(winch.payout.position([0.0, 5.0])[:, 0], [3.0, 4.0], atol=1e-9)
+    assert winch.payout.end_time == pytest.approx(11.0)
+
+
+def test_payout_of_an_earlier_result(tmp_path: Path) -> None:
+    netCDF4 = pytest.importorskip("netCDF4")
+    times = np.linspace(0.0, 10.0, 201)
+    with netCDF4.Dataset(tmp_path / "earlier.nc", "w") as file:
+        file.createDimension("time", times.size)
+        for name, values in (("time", times), ("deployed_length", 3.0 + 0.1 * times - 0.01 * np.sin(times))):
+            file.createVariable(name, "f8", ("time",))[:] = values
+    winch = winch_of({"kind": "recorded", "file": "earlier.nc", "noise": 0}, tmp_path)
+    assert isinstance(winch.payout, data.Motion)
+    assert winch.payout.velocity(4.0)[0] == pytest.approx(0.1 - 0.01 * math.cos(4.0), abs=1e-6)
+
+
+def test_buoy_gap() -> None:
+    payout = {"kind": "buoy_gap", "buoys": ["port", "starboard"], "gap": "25 cm", "proportional": "2 1/s"}
+    winch = winch_of({**payout, "delay": "100 ms", "derivative": 0.5})
+    assert isinstance(winch.payout, data.Control)
+    assert (winch.payout.period, winch.payout.delay) == (0.05, 0.1)
+    controller = winch.payout.make()
+    assert isinstance(controller, BuoyGap)
+    assert controller is not winch.payout.make()
+    places = {"port": np.array([0, 0, 0.3]), "starboard": np.array([0.4, 0, 0])}
+    seen = Measurement(
+        time=0.0,
+        deployed_length=3.0,
+        payout_speed=0.0,
+        tension_a=1.0,
+        tension_b=2.0,
+        locate=lambda name: (places[name], np.zeros(3)),
+    )
+    assert controller(seen) == pytest.approx(2.0 * (0.5 - 0.25))
+    assert pickle.loads(pickle.dumps(winch)).payout.make()(seen) == controller(seen)
+
+
+def test_buoy_gap_with_a_table(tmp_path: Path) -> None:
+    (tmp_path / "gap.csv").write_text("speed,gap\n0,0.2\n0.5,0.3\n")
+    payout = {"kind": "buoy_gap", "buoys": ["port", "starboard"], "table": "gap.csv", "proportional": 1}
+    controller = controller_of({**payout, "speed_time": "2 s"}, tmp_path)
+    np.testing.assert_array_equal(controller.speeds, [0, 0.5])
+    np.testing.assert_array_equal(controller.gaps, [0.2, 0.3])
+    assert controller.speed_time == 2.0
+
+
+def test_constant_tension_is_limited_as_the_winch_is() -> None:
+    payout = {"kind": "constant_tension", "tension": "2 N", "proportional": "5 cm/s/N", "integral": 0.1}
+    made = controller_of(payout, maximum_speed=0.4)
+    assert isinstance(made, ConstantTension)
+    assert (made.tension, made.proportional, made.integral, made.end) == (2.0, 0.05, 0.1, "b")
+    assert made.speed_limit == 0.4
+    assert controller_of({**payout, "speed_limit": 0.3, "end": "a"}, maximum_speed=0.4).speed_limit == 0.3
+    assert controller_of(payout).speed_limit == math.inf
+
+
+def test_constant_length() -> None:
+    made = controller_of({"kind": "constant_length", "length": "350 cm", "proportional": 0.5})
+    assert isinstance(made, ConstantLength)
+    assert (made.length, made.proportional) == (3.5, 0.5)
+
+
+def test_function_beside_the_case(tmp_path: Path) -> None:
+    (tmp_path / "laws").mkdir()
+    (tmp_path / "laws" / "mine.py").write_text("def slack(measured, target):\n    return target\n")
+    payout = {"kind": "function", "function": "laws/mine.py:slack", "options": {"target": 0.25, "rest": None}}
+    with pytest.raises(CaseError, match=r"would be given \(the measurement, target, rest\)"):
+        controller_of(payout, tmp_path)
+    assert controller_of({**payout, "options": {"target": 0.25}}, tmp_path)(None) == 0.25
+
+
+@pytest.mark.parametrize(
+    "payout",
+    [
+        {"kind": "waypoints", "waypoints": [["0 s", "0 m/s"], [2, 0.3]]},
+        {"kind": "recorded", "file": "out.csv", "time_column": "t", "where": {"run": 3}},
+        {"kind": "buoy_gap", "buoys": ["port", "starboard"], "gap": 0.25, "proportional": "2 1/s"},
+        {"kind": "constant_tension", "tension": "2 N", "proportional": "5 cm/s/N"},
+        {"kind": "constant_length", "length": 3, "proportional": 1},
+        {"kind": "function", "function": "a.py:b", "options": {"gain": [1, None, {"x": "y"}], "none": None}},
+    ],
+    ids=lambda payout: payout["kind"],
+)
+def test_winches_survive_writing_and_fit_the_schema(payout: dict[str, Any]) -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    written = {**MINIMAL, "winch": {"deployed_length": "3 m", "maximum_speed": "1 m/s", "payout": payout}}
+    case = Case.from_dict(written)
+    assert Case.from_yaml(case.to_yaml()) == case
+    assert pickle.loads(pickle.dumps(case)) == case
+    validator = jsonschema.Draft202012Validator(case_schema())
+    assert [error.message for error in validator.iter_errors(json.loads(json.dumps(written)))] == []
+    written["winch"]["payout"] = {**payout, "knid": 1}
+    assert list(validator.iter_errors(json.loads(json.dumps(written))))
+
+
+def test_shapes_at_the_start_are_those_of_the_deployed_cable() -> None:
+    parts: dict[str, Any] = {
+        "cable": {**MINIMAL["cable"], "length": 8.0},
+        "winch": {"deployed_length": 1.5, "payout": {"kind": "waypoints", "waypoints": [[0, 0.1]]}},
+        "output": {"markers": [0.5, 7.5]},  # the second is still on the drum
+    }
+    assert build_scene(minimal(**parts, initial={"shape": "taut"})).initial == data.TautShape()
+    markers = {"shape": "markers", "arc": [0, 1.501], "positions": [[0, 0, 0], [1.5, 0, 0]]}
+    scene = build_scene(minimal(**parts, initial=markers))
+    assert isinstance(scene.initial, data.MarkerShape)
+    np.testing.assert_allclose(scene.initial.arc, [0, 1.5])
+    np.testing.assert_allclose(scene.output.markers, [0.5, 7.5])
+    assert (scene.start_length, scene.cable.length) == (1.5, 8.0)
 
 
 # Currents ---------------------------------------------------------------------------------------

@@ -11,7 +11,9 @@ from cablesim.motion import (
     _refuse_overshoot,
     fixed,
     harmonic,
+    payout_waypoints,
     recorded,
+    recorded_length,
     rov_heading,
     rov_waypoints,
     velocity_waypoints,
@@ -377,3 +379,64 @@ def test_recording_that_does_not_move_stays_where_it_is() -> None:
     motion = recorded(np.arange(0.0, 3.0, 0.03), np.tile(place, (100, 1)), 0.0)
     found = motion.position(np.linspace(0.0, 2.9, 50))
     np.testing.assert_allclose(found, np.tile(place, (50, 1)), atol=1e-12)
+
+
+# Deployed length --------------------------------------------------------------------------------
+
+
+def test_payout_integrates_its_speeds() -> None:
+    program = payout_waypoints(3.0, [0, 0.5, 2.0, 3.0], [0, 0.25, 0.25, -0.15])
+    assert program.coefficients.shape == (4, 6, 1)
+    assert program.coefficients.flags.c_contiguous
+    found = program.position([0.0, 0.5, 2.0, 3.0, 4.0])
+    assert found.shape == (5, 1)
+    np.testing.assert_allclose(found[:, 0], 3.0 + np.array([0, 0.0625, 0.4375, 0.4875, 0.3375]), atol=1e-14)
+    np.testing.assert_allclose(program.velocity([0.25, 1.0, 10.0])[:, 0], [0.125, 0.25, -0.15])
+    np.testing.assert_array_equal(program.corners, [0.5, 2.0, 3.0])
+    assert program.jumps.size == 0
+    assert program.end_time == math.inf
+    assert program.speed_limit(10.0) == pytest.approx(0.25)
+
+
+def test_payout_jumps_between_two_waypoints_at_one_time() -> None:
+    program = payout_waypoints(3.0, [0, 2, 2], [0.1, 0.1, -0.2])
+    np.testing.assert_array_equal(program.jumps, [2.0])
+    np.testing.assert_allclose(program.velocity([np.nextafter(2.0, 0.0), 2.0])[:, 0], [0.1, -0.2])
+    np.testing.assert_allclose(program.position([2.0, 4.0])[:, 0], [3.2, 2.8])
+
+
+def test_payout_begins_with_the_length_though_its_waypoints_begin_earlier() -> None:
+    program = payout_waypoints(3.0, [-2, 0, 2], [0.5, 0.1, 0.1])
+    np.testing.assert_allclose(program.position([0.0, 1.0])[:, 0], [3.0, 3.1])
+
+
+def test_recorded_length_is_smoothed_like_a_position() -> None:
+    times, truth, velocity, samples = noisy_sine(noise=1e-3)
+    program = recorded_length(times, 3.0 + samples[:, 0], 1e-3)
+    assert program.coefficients.shape[1:] == (6, 1)
+    whole = recorded(times, samples, 1e-3)
+    t = np.linspace(0.5, 9.0, 40)
+    np.testing.assert_allclose(program.velocity(t)[:, 0], whole.velocity(t)[:, 0], atol=2e-3)
+    assert np.sqrt(np.mean((program.position(times)[:, 0] - 3.0 - truth[:, 0]) ** 2)) < 1e-3
+    assert np.sqrt(np.mean((program.velocity(times)[:, 0] - velocity[:, 0]) ** 2)) < 0.02
+    assert program.end_time == times[-1]
+    exact = recorded_length(times + 5.0, samples[:, 0], 0.0, start=float(times[10]) + 5.0)
+    np.testing.assert_allclose(exact.position(times[10:] - times[10])[:, 0], samples[10:, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: payout_waypoints(3.0, [1, 2], [0, 0]), r"times\[0\] is 1 s; add a waypoint at 0"),
+        (lambda: payout_waypoints(3.0, [0, 2, 1], [0, 0, 0]), r"times\[2\] is 1 s after 2 s; sort"),
+        (lambda: payout_waypoints(3.0, [0, 1], [0, 0, 0]), r"speeds has shape \(3, 1\); give \(2, 1\)"),
+        (lambda: payout_waypoints(3.0, [0, 1], [0, math.nan]), r"speeds\[1, 0\] is nan"),
+        (lambda: payout_waypoints(math.inf, [0, 1], [0, 0]), r"position\[0\] is inf"),
+        (lambda: recorded_length(range(5), np.zeros(5), 0.0), "give at least 6 samples"),
+        (lambda: recorded_length(range(6), np.zeros(7), 0.0), r"lengths has shape \(7, 1\); give \(6, 1\)"),
+        (lambda: recorded_length(range(6), np.zeros(6), 0.0, start=9.0), "start is 9 s"),
+    ],
+)
+def test_bad_programs_are_refused_with_place_and_remedy(make, message) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()

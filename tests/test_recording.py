@@ -8,7 +8,14 @@ import pytest
 import xarray
 
 from cablesim.motion import recorded
-from cablesim.recording import RecordingError, read_markers, read_recording, rotate_to_vertical
+from cablesim.recording import (
+    RecordingError,
+    read_columns,
+    read_lengths,
+    read_markers,
+    read_recording,
+    rotate_to_vertical,
+)
 
 COSMER = Path(__file__).parents[2] / "shared" / "recordings" / "cosmer_cable6"
 needs_cosmer = pytest.mark.skipif(
@@ -297,3 +304,52 @@ def test_lost_real_markers_are_left_out():
     times, _ = read_recording(markers, time_column="t_s", columns=columns, where={"point": "cable_10"})
     assert times[0] == pytest.approx(0.03)
     assert times.size < 43
+
+
+# Lengths ----------------------------------------------------------------------------------------
+
+
+def test_length_from_a_table(tmp_path):
+    rows = ["run,t,out", "1,0,99", "2,0,3000", "2,0.5,3010", "2,1.0,", "2,1.5,3030"]
+    path = write(tmp_path / "encoder.csv", "\n".join(rows))
+    times, lengths = read_lengths(path, column="out", time_column="t", where={"run": 2}, unit_factor=1e-3)
+    np.testing.assert_array_equal(times, [0, 0.5, 1.5])
+    np.testing.assert_allclose(lengths, [3.0, 3.01, 3.03])
+    times, _ = read_lengths(path, column="out", sample_interval=0.1)
+    np.testing.assert_allclose(times, [0, 0.1, 0.2, 0.4])
+
+
+def test_length_from_a_result(tmp_path):
+    out = xarray.DataArray([[3.0, 3.1, np.nan, 3.3], [1.0, 1.0, 1.0, 1.0]], dims=("run", "time"))
+    dataset = xarray.Dataset({"deployed_length": out}, coords={"time": [0.0, 1, 2, 3], "run": [7, 8]})
+    dataset.to_netcdf(tmp_path / "result.nc")
+    times, lengths = read_lengths(tmp_path / "result.nc", column="deployed_length", where={"run": 7})
+    np.testing.assert_array_equal(times, [0, 1, 3])
+    np.testing.assert_allclose(lengths, [3.0, 3.1, 3.3])
+    with pytest.raises(RecordingError, match=r"'run': 2, 'time': 4.*a length needs one alone"):
+        read_lengths(tmp_path / "result.nc", column="deployed_length")
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "message"),
+    [
+        ("t,out\n0,3\n1,3\n", {"column": "ou", "time_column": "t"}, "no column 'ou'.*did you mean 'out'"),
+        ("t,out\n0,3\n1,x\n", {"column": "out", "time_column": "t"}, "line 3, column 'out': 'x'"),
+        ("t,out\n1,3\n0,3\n", {"column": "out", "time_column": "t"}, "time 0 s comes after 1 s"),
+        ("t,out\n0,3\n1,\n", {"column": "out", "time_column": "t"}, "1 of 2 rows hold"),
+        ("t,out\n0,3\n1,3\n", {"column": "out"}, "neither of time_column and sample_interval"),
+        ("NO_OF_FRAMES\t2\n", {"column": "out"}, "holds positions, no lengths"),
+    ],
+)
+def test_lengths_that_cannot_be_read(tmp_path, text, options, message):
+    with pytest.raises(RecordingError, match=message):
+        read_lengths(write(tmp_path / "encoder.csv", text), **options)
+
+
+def test_columns_of_a_table(tmp_path):
+    path = write(tmp_path / "table.csv", "gap;speed;note\n0,2;0;slow\n0,3;0,5;fast\n")
+    np.testing.assert_array_equal(read_columns(path, ("speed", "gap")), [[0, 0.2], [0.5, 0.3]])
+    with pytest.raises(RecordingError, match="line 2, column 'note': 'slow' is not a finite number"):
+        read_columns(path, ("note",))
+    with pytest.raises(RecordingError, match="no such file"):
+        read_columns(tmp_path / "tabel.csv", ("speed",))

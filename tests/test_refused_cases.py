@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -68,9 +69,58 @@ RECORDED = """  b:
 """
 
 
-def edited(*edits: tuple[str, str]) -> str:
-    """The good case with some pieces of text replaced, each of which must be there."""
-    text = GOOD
+def with_winch(payout: str) -> str:
+    """The good case with 5 m more of cable on a winch."""
+    winch = f"""winch:
+  deployed_length: 3 m
+  maximum_speed: 0.5 m/s
+  maximum_acceleration: 1 m/s^2
+  minimum_length: 0.5 m
+  payout:
+{textwrap.indent(payout, "    ")}"""
+    lead = "  - {kind: ballast, name: lead, at: 1.5 m, mass: 9 g, volume: 1 cm^3}\nends:\n"
+    return GOOD.replace("length: 3 m", "length: 8 m", 1).replace("ends:\n", lead, 1) + winch
+
+
+PAYOUTS = {
+    "waypoints": """kind: waypoints
+waypoints:
+  - [0 s, 0 m/s]
+  - [0.5 s, 0.25 m/s]
+  - [2, 0.25]
+""",
+    "recorded": """kind: recorded
+file: payout.csv
+column: length
+time_column: t
+""",
+    "buoy_gap": """kind: buoy_gap
+buoys: [float, lead]
+gap: 0.25 m
+period: 50 ms
+delay: 10 ms
+proportional: 2 1/s
+derivative: 0.5
+""",
+    "constant_tension": """kind: constant_tension
+tension: 2 N
+proportional: 5 cm/s/N
+integral: 0.1 m/s^2/N
+""",
+    "constant_length": """kind: constant_length
+length: 3.5 m
+proportional: 0.5 1/s
+""",
+    "function": """kind: function
+function: mine.py:slack
+options: {target: 3}
+""",
+}
+TABLE = PAYOUTS["buoy_gap"].replace("gap: 0.25 m\n", "table: gap.csv\n")
+
+
+def edited(*edits: tuple[str, str], text: str = GOOD) -> str:
+    """A good case with some pieces of text replaced, each of which must be there."""
     for old, new in edits:
         assert old in text, f"the good case has no {old!r}"
         text = text.replace(old, new, 1)
@@ -475,7 +525,7 @@ def test_refused_before_the_run(name: str) -> None:
 
 
 def test_there_are_enough_of_them() -> None:
-    assert len(READING) + len(BUILDING) >= 70
+    assert len(READING) + len(BUILDING) + len(WINCH_READING) + len(WINCH_BUILDING) >= 120
 
 
 def test_all_errors_at_once_with_their_lines() -> None:
@@ -515,6 +565,396 @@ def test_all_impossibilities_at_once_with_their_lines() -> None:
     pieces = ["flaot", "at: 5 m", "ends:", "1 h"]
     assert [problem.line for problem in problems] == [line_of(text, piece) for piece in pieces]
     assert str(CaseError(problems)).startswith("4 problems:\n- case.yaml:15: mesh.refine[0].around: ")
+
+
+# Winch ------------------------------------------------------------------------------------------
+
+# name: (payout, old, new, words in the message)
+WINCH_READING = {
+    "winch without a length": (
+        "waypoints",
+        "  deployed_length: 3 m\n",
+        "",
+        "winch.deployed_length",
+        "missing",
+    ),
+    "winch without payout": ("function", PAYOUTS["function"], "", "winch.payout"),
+    "typo in the winch": ("waypoints", "maximum_speed", "maximal_speed", "Did you mean 'maximum_speed'?"),
+    "typo in the payout": ("buoy_gap", "kind: buoy_gap", "kind: bouy_gap", "winch.payout.kind", "'buoy_gap'"),
+    "payout of no kind": ("waypoints", "kind: waypoints", "", "does not say its `kind`", "constant_tension"),
+    "key of another payout": ("constant_length", "length: 3.5 m", "length: 3.5 m\n    gap: 1", "payout.gap"),
+    "nothing deployed": ("waypoints", "deployed_length: 3 m", "deployed_length: 0", "greater than 0", "0"),
+    "negative shortest": (
+        "waypoints",
+        "0.5 m\n",
+        "-0.5 m\n",
+        "winch.minimum_length",
+        "less than 0",
+        "'-0.5 m'",
+    ),
+    "winch that stands still": ("waypoints", "0.5 m/s", "0 m/s", "winch.maximum_speed", "greater than 0"),
+    "acceleration in m/s": ("waypoints", "1 m/s^2", "1 m/s", "maximum_acceleration", "m/s**2", "'1 m/s'"),
+    "position for a speed": ("waypoints", "0.25 m/s]", "0.25 m]", "waypoints[1][1]", "'0.25 m'", "speed"),
+    "waypoint of three": (
+        "waypoints",
+        "[2, 0.25]",
+        "[2, 0.25, 0]",
+        "waypoints[2]",
+        "has 3 entries",
+        "Give 2",
+    ),
+    "two times of a recording": (
+        "recorded",
+        "time_column: t",
+        "time_column: t\n    sample_interval: 1",
+        "exclude",
+    ),
+    "no period": ("buoy_gap", "50 ms", "0 ms", "winch.payout.period", "greater than 0", "'0 ms'"),
+    "measured in the future": (
+        "buoy_gap",
+        "10 ms",
+        "-10 ms",
+        "winch.payout.delay",
+        "less than 0",
+        "'-10 ms'",
+    ),
+    "negative gain": ("buoy_gap", "2 1/s", "-2 1/s", "payout.proportional", "less than 0", "'-2 1/s'"),
+    "negative damping": ("buoy_gap", "0.5\n", "-0.5\n", "payout.derivative", "less than 0", "-0.5"),
+    "gain of another kind": ("constant_tension", "5 cm/s/N", "5 cm/s", "payout.proportional", "m/s/N"),
+    "negative integral": ("constant_tension", "0.1 m", "-0.1 m", "payout.integral", "less than 0"),
+    "tension at no end": (
+        "constant_tension",
+        "tension: 2 N",
+        "tension: 2 N\n    end: c",
+        "payout.end",
+        "'c'",
+    ),
+    "three buoys": (
+        "buoy_gap",
+        "[float, lead]",
+        "[float, lead, x]",
+        "payout.buoys",
+        "has 3 entries",
+        "Give 2",
+    ),
+    "gap and table": ("buoy_gap", "gap: 0.25 m", "gap: 1\n    table: x.csv", "`gap` and `table`", "Keep one"),
+    "neither gap nor table": ("buoy_gap", "gap: 0.25 m", "speed_time: 1 s", "neither `gap` nor `table`"),
+    "no gap": ("buoy_gap", "0.25 m", "0 m", "winch.payout.gap", "greater than 0", "'0 m'"),
+    "options in a list": ("function", "{target: 3}", "[3]", "payout.options", "group of keys", "[3]"),
+}
+
+# name: (payout, edits, words in the message)
+WINCH_BUILDING: dict[str, tuple[str, list[tuple[str, str]], list[str]]] = {
+    "winch on a free end": (
+        "waypoints",
+        [(END_B, "  b: {motion: free}\n")],
+        ["ends.b.motion", "'free'", "where the winch is"],
+    ),
+    "more out than there is": (
+        "waypoints",
+        [("deployed_length: 3 m", "deployed_length: 9 m")],
+        ["winch.deployed_length", "'9 m'", "whole cable, 8 m"],
+    ),
+    "hardly any out": (
+        "constant_length",
+        [("deployed_length: 3 m", "deployed_length: 12 cm"), ("0.5 m\n", "0.1 m\n")],
+        ["winch.deployed_length", "'12 cm'", "shorter than 3 segments of 0.05 m", "0.15 m"],
+    ),
+    "shorter than it may get": (
+        "waypoints",
+        [("minimum_length: 0.5 m", "minimum_length: 4 m")],
+        ["winch.minimum_length", "'4 m'", "more than winch.deployed_length, 3 m"],
+    ),
+    "ends apart from what is out": (
+        "waypoints",
+        [("deployed_length: 3 m", "deployed_length: 1 m")],
+        ["1.5 m apart", "a cable of 1 m", "50.0% strain", "`winch.deployed_length`"],
+    ),
+    "torn while reeled in": (
+        "waypoints",
+        [("0.25 m/s]", "-0.45 m/s]"), ("[2, 0.25]", "[2, -0.45]"), ("1 m/s^2", "2 m/s^2")],
+        ["ends", "would be torn at t =", "Shorten the run"],
+    ),
+    "torn although all may go out": (
+        "constant_length",
+        [("duration: 5 s", "duration: 30 s")],
+        ["ends", "a cable of 8 m would be torn"],
+    ),
+    "taut with all its cable": (
+        "waypoints",
+        [("[1.5, 0, 0]", "[2.5, 0, 0]"), ("equilibrium", "taut")],
+        ["initial.shape", "2.5 m apart", "3 m long"],
+    ),
+    "markers of the whole cable": (
+        "waypoints",
+        [(INITIAL, MARKERS.replace("1.5, 3]", "1.5, 8]"))],
+        ["initial.arc", "0 to 8 m", "0 to 3 m", "`winch.deployed_length`"],
+    ),
+    "program too fast": (
+        "waypoints",
+        [("[2, 0.25]", "[2, 0.75 m/s]")],
+        ["winch.payout.waypoints[2]", "0.75 m/s at 2 s", "winch.maximum_speed, 0.5 m/s"],
+    ),
+    "reeling in too fast": (
+        "waypoints",
+        [("[2, 0.25]", "[4, -0.6]")],
+        ["winch.payout.waypoints[2]", "-0.6 m/s at 4 s", "winch.maximum_speed"],
+    ),
+    "program too sudden": (
+        "waypoints",
+        [("[0.5 s, 0.25 m/s]", "[0.1 s, 0.25 m/s]")],
+        ["winch.payout.waypoints[0]", "2.5 m/s2 at 0 s", "winch.maximum_acceleration, 1 m/s2"],
+    ),
+    "jump of the speed": (
+        "waypoints",
+        [("[2, 0.25]", "[0.5, 0.3]")],
+        ["winch.payout.waypoints[1]", "a jump of the speed at 0.5 s", "maximum_acceleration"],
+    ),
+    "late first payout": (
+        "waypoints",
+        [("[0 s, 0 m/s]", "[0.1 s, 0 m/s]")],
+        ["winch.payout.waypoints[0][0]", "'0.1 s'", "waypoint at 0 s"],
+    ),
+    "payout out of order": (
+        "waypoints",
+        [("[2, 0.25]", "[0.2, 0.25]")],
+        ["winch.payout.waypoints[2][0]", "0.2", "before the waypoint above it, 0.5 s"],
+    ),
+    "three payouts at once": (
+        "waypoints",
+        [("[0.5 s, 0.25 m/s]", "[2, 0]\n      - [2, 0.1]")],
+        ["winch.payout.waypoints", "third time"],
+    ),
+    "recorded payout that is not there": (
+        "recorded",
+        [],
+        ["winch.payout.file", "'payout.csv'", "there is no file"],
+    ),
+    "unknown buoys": (
+        "buoy_gap",
+        [("[float, lead]", "[flaot, led]")],
+        ["winch.payout.buoys[0]", "'flaot'", "'float'", "winch.payout.buoys[1]", "'led'", "'lead'"],
+    ),
+    "sensor for a buoy": (
+        "buoy_gap",
+        [("[float, lead]", "[float, inertial]")],
+        ["winch.payout.buoys[1]", "'inertial'", "Known here: float, lead"],
+    ),
+    "one buoy twice": (
+        "buoy_gap",
+        [("[float, lead]", "[float, float]")],
+        ["winch.payout.buoys", "the same buoy twice"],
+    ),
+    "gap wider than its cable": (
+        "buoy_gap",
+        [("gap: 0.25 m", "gap: 0.6 m")],
+        ["winch.payout.gap", "'0.6 m'", "0.5 m of cable between the buoys"],
+    ),
+    "table that is not there": (
+        "buoy_gap",
+        [("gap: 0.25 m", "table: gap.csv")],
+        ["winch.payout.table", "'gap.csv'", "there is no file"],
+    ),
+    "controller asleep": (
+        "buoy_gap",
+        [("50 ms", "6 s")],
+        ["winch.payout.period", "'6 s'", "longer than the run of 5 s"],
+    ),
+    "controller in a hurry": (
+        "constant_length",
+        [("length: 3.5 m", "length: 3.5 m\n    period: 1e-8 s")],
+        ["winch.payout.period", "'1e-8 s'", "5e+08 samples"],
+    ),
+    "attachment called like an end": (
+        "constant_length",
+        [("name: lead", "name: b")],
+        ["attachments[2].name", "'b'", "calls an end of the cable"],
+    ),
+    "length to keep too long": (
+        "constant_length",
+        [("3.5 m", "9 m")],
+        ["winch.payout.length", "'9 m'", "whole cable, 8 m"],
+    ),
+    "length to keep too short": (
+        "constant_length",
+        [("3.5 m", "0.4 m")],
+        ["winch.payout.length", "'0.4 m'", "winch.minimum_length, 0.5 m"],
+    ),
+    "function that is not there": (
+        "function",
+        [],
+        ["winch.payout.function", "'mine.py:slack'", "there is no file", "relative to the case file"],
+    ),
+    "function without a name": (
+        "function",
+        [("mine.py:slack", "mine.py")],
+        ["winch.payout.function", "'mine.py'", "Write file.py:name"],
+    ),
+    "module that is not there": (
+        "function",
+        [("mine.py:slack", "no_such_package.laws:slack")],
+        ["winch.payout.function", "ModuleNotFoundError", "install what it needs"],
+    ),
+    "name that is not in the module": (
+        "function",
+        [("mine.py:slack", "math:squrt")],
+        ["winch.payout.function", "math has no squrt", "Did you mean 'sqrt'?"],
+    ),
+    "name of a number": (
+        "function",
+        [("mine.py:slack", "math:pi")],
+        ["winch.payout.function", "is no function but 3.14"],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WINCH_READING)
+def test_winch_refused_when_read(name: str) -> None:
+    payout, old, new, *words = WINCH_READING[name]
+    text = with_winch(PAYOUTS[payout])
+    error = refusal(replaced_last(text, old if old in text else textwrap.indent(old, "    "), new))
+    message = str(error)
+    for word in words:
+        assert word in message
+    assert all(problem.remedy and problem.line and problem.file == "case.yaml" for problem in error.problems)
+
+
+def replaced_last(text: str, old: str, new: str) -> str:
+    """Replace the last of several equal pieces: the winch stands at the end."""
+    before, found, after = text.rpartition(old)
+    assert found, f"the case has no {old!r}"
+    return before + new + after
+
+
+@pytest.mark.parametrize("name", WINCH_BUILDING)
+def test_winch_refused_before_the_run(name: str, tmp_path: Path) -> None:
+    payout, edits, words = WINCH_BUILDING[name]
+    text = edited(*edits, text=with_winch(PAYOUTS[payout]))
+    Case.from_yaml(text)
+    error = refusal(text, tmp_path)
+    message = str(error)
+    for word in words:
+        assert word in message
+    assert all(problem.remedy and problem.line and problem.file == "case.yaml" for problem in error.problems)
+
+
+def write_payout(path: Path, *, first: float = 3.0, last: float = 6.0, scale: float = 1.0) -> None:
+    times = np.linspace(0.0, last, 61)
+    rows = [f"{t:.3f},{scale * (first + 0.2 * (t - np.sin(t))):.5f}" for t in times]
+    path.write_text("\n".join(["t,length", *rows]))
+
+
+def test_good_winches_are_accepted(tmp_path: Path) -> None:
+    write_payout(tmp_path / "payout.csv")
+    (tmp_path / "gap.csv").write_text("speed,gap\n0,0.2\n0.5,0.3\n")
+    (tmp_path / "mine.py").write_text("def slack(measured, target):\n    return 0.0\n")
+    for payout in (*PAYOUTS.values(), TABLE):
+        winch = build_scene(Case.from_yaml(with_winch(payout), directory=tmp_path)).winch
+        assert winch is not None
+        assert winch.deployed_length == 3.0
+
+
+@pytest.mark.parametrize(
+    ("options", "edits", "words"),
+    [
+        ({"last": 4.0}, [], ["winch.payout.file", "the recording ends 4 s after", "before the run of 5 s"]),
+        ({"first": 3.2}, [], ["winch.deployed_length", "'3 m'", "begins with, 3.19", "Give 3.19"]),
+        ({"scale": 1000.0}, [], ["winch.deployed_length", "3000 m"]),
+        ({}, [("column: length", "column: lenght")], ["no column 'lenght'", "Did you mean 'length'?"]),
+        ({}, [("column: length", "unit: kg")], ["winch.payout.unit", "no unit of length", "'kg'"]),
+        ({}, [("time_column: t", "start: 9 s\n    time_column: t")], ["start is 9 s", "within it"]),
+        (
+            {},
+            [("    time_column: t\n", "")],
+            ["winch.payout.file", "neither of time_column and sample_interval"],
+        ),
+        ({}, [("speed: 0.5 m/s", "speed: 0.3 m/s")], ["winch.payout.file", " at 3.1", "maximum_speed, 0.3"]),
+        ({}, [("1 m/s^2", "0.1 m/s^2")], ["winch.payout.file", "m/s2 at", "maximum_acceleration, 0.1"]),
+    ],
+)
+def test_recorded_payouts_that_do_not_fit(
+    tmp_path: Path, options: dict[str, float], edits: list[tuple[str, str]], words: list[str]
+) -> None:
+    write_payout(tmp_path / "payout.csv", **options)
+    message = str(refusal(edited(*edits, text=with_winch(PAYOUTS["recorded"])), tmp_path))
+    for word in words:
+        assert word in message
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ("speed,gap\n", ["has no rows"]),
+        ("speed,distance\n0,0.2\n", ["no column 'gap'", "speed, distance"]),
+        ("speed,gap\n0,0.2\n0,0.3\n", ["a speed of 0 m/s after 0 m/s", "Sort the rows"]),
+        ("speed,gap\n0,0.2\n1,nan\n", ["line 3", "'nan' is not a finite number"]),
+        ("speed,gap\n0,0.2\n1,\n", ["line 3", "'' is not a finite number"]),
+        ("speed,gap\n0,0.2\n1,-0.1\n", ["a gap of -0.1 m at 1 m/s", "above 0 m"]),
+        ("speed,gap\n0,0.2\n1,0.7\n", ["a gap of 0.7 m with 0.5 m of cable"]),
+    ],
+)
+def test_tables_of_gaps_that_are_none(tmp_path: Path, rows: str, words: list[str]) -> None:
+    (tmp_path / "gap.csv").write_text(rows)
+    message = str(refusal(with_winch(TABLE), tmp_path))
+    assert "winch.payout.table" in message
+    for word in words:
+        assert word in message
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ("def slak(measured, target):\n    return 0.0\n", ["has no slack", "Did you mean 'slak'?"]),
+        ("slack = 1.0\n", ["is no function but 1.0"]),
+        ("import nothing_of_the_kind\n", ["ModuleNotFoundError", "(mine.py, line 1)"]),
+        ("raise RuntimeError('no, thanks')\n", ["RuntimeError: no, thanks (mine.py, line 1)"]),
+        ("def slack(measured):\n    return 0.0\n", ["takes (measured)", "given (the measurement, target)"]),
+        ("class slack:\n    def __init__(self, aim): pass\n", ["takes (aim)", "would be given (target)"]),
+        ("class slack:\n    def __init__(self, target): pass\n", ["instances", "cannot be called"]),
+    ],
+)
+def test_functions_that_are_no_controllers(tmp_path: Path, code: str, words: list[str]) -> None:
+    (tmp_path / "mine.py").write_text(code)
+    message = str(refusal(with_winch(PAYOUTS["function"]), tmp_path))
+    assert "winch.payout.function" in message
+    assert "received 'mine.py:slack'" in message
+    for word in words:
+        assert word in message
+
+
+@pytest.mark.parametrize("speed", [-0.5, 0.5])
+def test_a_program_that_leaves_its_cable_is_no_mistake(speed: float) -> None:
+    """The run stops there; what the ends do after that does not count."""
+    payout = f"kind: waypoints\nwaypoints:\n  - [0, {speed}]\n"
+    text = edited(
+        ("duration: 5 s", "duration: 60 s"),
+        ("[1.5, 0, 0]", "[0.3, 0, 0]"),
+        ("- [4 s, 0, 0.5, 0]", "- [10 s, 0, 0, 0]\n      - [11 s, 0, 0, 0]\n      - [12 s, 0, 9 m/s, 0]"),
+        ("[0.5, 0, 0.5 m/s, 0]", "[0.5, 0, 0, 0]"),
+        text=with_winch(payout),
+    )
+    assert build_scene(Case.from_yaml(text)).winch is not None
+
+
+def test_everything_wrong_with_a_winch_is_said_at_once() -> None:
+    text = edited(
+        ("deployed_length: 3 m", "deployed_length: 9 m"),
+        ("minimum_length: 0.5 m", "minimum_length: 10 m"),
+        ("50 ms", "1 h"),
+        ("[float, lead]", "[float, led]"),
+        ("name: inertial", "name: a"),
+        text=with_winch(PAYOUTS["buoy_gap"]),
+    )
+    problems = refusal(text).problems
+    assert [problem.path for problem in problems] == [
+        "attachments[1].name",
+        "winch.deployed_length",
+        "winch.minimum_length",
+        "winch.payout.buoys[1]",
+        "winch.payout.period",
+    ]
+    pieces = ["name: a,", "9 m", "10 m", "led]", "1 h"]
+    assert [problem.line for problem in problems] == [line_of(text, piece) for piece in pieces]
 
 
 # Files ------------------------------------------------------------------------------------------
@@ -642,12 +1082,14 @@ def places(part: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
 GOOD_DATA, _ = read_yaml(GOOD)
 
 
-@pytest.mark.parametrize("group", GOOD_DATA)
+@pytest.mark.parametrize("group", [*GOOD_DATA, *PAYOUTS])
 def test_whatever_stands_in_a_case_the_error_is_readable(group: str) -> None:
+    good = GOOD_DATA if group in GOOD_DATA else read_yaml(with_winch(PAYOUTS[group]))[0]
+    changed = group if group in GOOD_DATA else "winch"
     refused = 0
-    for path in places({group: GOOD_DATA[group]}):
+    for path in places({changed: good[changed]}):
         for odd in ODD:
-            data = copy.deepcopy(GOOD_DATA)
+            data = copy.deepcopy(good)
             part = data
             for key in path[:-1]:
                 part = part[key]

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import cablesim
+from cablesim.saved_state import SavedStateError, read_saved_state
+from cablesim.scene import SavedState
 
 SWAY: dict[str, Any] = {
     "name": "sway",
@@ -95,3 +97,82 @@ def test_file_that_is_no_result_is_refused(tmp_path: Path) -> None:
     (tmp_path / "text.nc").write_text("not netCDF")
     with pytest.raises(cablesim.CaseError, match="cannot be read as netCDF"):
         cablesim.build_scene(resumed(tmp_path / "text.nc"))
+
+
+# States of a run with a winch ---------------------------------------------------------------------
+
+DEPLOYED = 2.25  # m of 4 m, with nodes every 0.5 m: those at 2.5 m and beyond are on the drum
+
+
+def write_winch_run(file: Path, *, without: str = "", failed: bool = False) -> None:
+    """Two states of a straight cable along x, the places of nodes on the drum empty."""
+    netCDF4 = pytest.importorskip("netCDF4")
+    s = np.linspace(0.0, 4.0, 9)
+    lengths = np.array([3.0, DEPLOYED])
+    with netCDF4.Dataset(file, "w") as data:
+        for name, size in (("time", 2), ("node", 9), ("segment", 8), ("axis", 3)):
+            data.createDimension(name, size)
+
+        def put(name: str, dimensions: tuple[str, ...], values: np.ndarray) -> None:
+            if name != without:
+                data.createVariable(name, "f8", dimensions)[:] = np.ma.masked_invalid(values)
+
+        out = s < lengths[:, None]
+        out[:, -1] = True
+        places = np.where(out, np.minimum(s, lengths[:, None]), np.nan)
+        places[:, -1] = lengths
+        # the segment from the last node before the winch is in the last place
+        tension = np.where(s[1:] < lengths[:, None], 10.0 + s[1:], np.nan)
+        tension[:, -1] = 99.0
+        if failed:
+            places[:] = np.nan
+        put("time", ("time",), np.array([0.0, 1.0]))
+        put("s", ("node",), s)
+        put("deployed_length", ("time",), lengths)
+        put("position", ("time", "node", "axis"), places[..., None] * np.array([1.0, 0.0, 0.0]))
+        put("velocity", ("time", "node", "axis"), 0.1 * places[..., None] * np.array([0.0, 1.0, 0.0]))
+        put("tension", ("time", "segment"), tension)
+
+
+def test_winch_state_ends_at_the_outlet(tmp_path: Path) -> None:
+    write_winch_run(tmp_path / "winch.nc")
+    state = read_saved_state(tmp_path / "winch.nc", None)
+    np.testing.assert_allclose(state.arc, [0, 0.5, 1, 1.5, 2, DEPLOYED])
+    np.testing.assert_allclose(state.positions[:, 0], state.arc)
+    np.testing.assert_allclose(state.velocities[:, 1], 0.1 * state.arc)
+    np.testing.assert_allclose(state.tension, [10.5, 11, 11.5, 12, 99])
+    earlier = read_saved_state(tmp_path / "winch.nc", 0.0)
+    np.testing.assert_allclose(earlier.arc, [0, 0.5, 1, 1.5, 2, 2.5, 3])
+    assert earlier.tension.size == 6
+
+
+def from_winch_run(directory: Path, deployed: float) -> cablesim.Case:
+    data = {
+        **SWAY,
+        "cable": {**SWAY["cable"], "length": 4},
+        "winch": {
+            "deployed_length": deployed,
+            "payout": {"kind": "waypoints", "waypoints": [[0, 0.1]]},
+        },
+        "ends": {**SWAY["ends"], "b": {"motion": "fixed", "position": [DEPLOYED, 0, 0]}},
+        "initial": {"shape": "state", "file": "winch.nc"},
+    }
+    return cablesim.Case.from_dict(data, directory=directory)
+
+
+def test_a_run_can_start_from_the_state_of_a_winch_run(tmp_path: Path) -> None:
+    write_winch_run(tmp_path / "winch.nc")
+    scene = cablesim.build_scene(from_winch_run(tmp_path, DEPLOYED))
+    assert isinstance(scene.initial, SavedState)
+    assert scene.initial.arc[-1] == scene.start_length == DEPLOYED
+    with pytest.raises(cablesim.CaseError, match=r"2\.25 m of cable, not of 2\.5 m.*winch\.deployed_length"):
+        cablesim.build_scene(from_winch_run(tmp_path, 2.5))
+
+
+def test_winch_states_that_cannot_start_a_run_are_refused(tmp_path: Path) -> None:
+    write_winch_run(tmp_path / "short.nc", without="deployed_length")
+    with pytest.raises(SavedStateError, match="part of a cable and no deployed_length"):
+        read_saved_state(tmp_path / "short.nc", None)
+    write_winch_run(tmp_path / "failed.nc", failed=True)
+    with pytest.raises(SavedStateError, match="not finite; choose an earlier time"):
+        read_saved_state(tmp_path / "failed.nc", None)

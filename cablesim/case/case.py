@@ -37,6 +37,9 @@ class Case(models.Part):
         default=(), description="buoys, ballasts, bodies and IMUs on the cable"
     )
     ends: models.Ends = Field(description="what the two ends of the cable do")
+    winch: models.Winch | None = Field(
+        default=None, description="a winch at end B that pays cable out and reels it in; default: none"
+    )
     initial: models.Initial = Field(
         default=models.EquilibriumStart(), description="shape at t = 0; default: equilibrium"
     )

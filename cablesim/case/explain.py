@@ -13,6 +13,8 @@ from pydantic.fields import FieldInfo
 
 from cablesim.case.errors import Location, Origin, Problem, short, suggestion
 
+_KINDS = ("kind", "motion", "shape")  # keys that say which of several parts is meant
+
 
 def explain(error: ValidationError, model: type[BaseModel], origin: Origin) -> list[Problem]:
     """Translate every error of a validation.
@@ -143,11 +145,16 @@ def _written_place(location: Location, raw: Any) -> Location:
     """Drop from a location of pydantic the union tags, which are not in the file."""
     place: list[str | int] = []
     node = raw
+    tagged = False
     for item in location:
+        if not tagged and isinstance(node, dict) and item in (node.get(key) for key in _KINDS):
+            tagged = True  # a kind that is also the name of a key: `kind: function`, `function: ...`
+            continue
         keys = node if isinstance(node, dict) else range(len(node)) if isinstance(node, list | tuple) else ()
         if item not in keys and not isinstance(item, int):
             continue
         node = node[item] if item in keys else None
+        tagged = False
         place.append(item)
     return tuple(place)
 

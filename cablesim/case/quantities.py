@@ -54,6 +54,8 @@ _EVERYDAY: dict[str, dict[str, float]] = {
     "kg/m": {"kg/m": 1.0, "g/m": 0.001},
     "N": {"N": 1.0, "kN": 1000.0, "mN": 0.001},
     "N/m": {"N/m": 1.0, "mN/m": 0.001},
+    "m/s/N": {"m/s/N": 1.0, "cm/s/N": 0.01, "mm/s/N": 0.001},
+    "m/s**2/N": {"m/s^2/N": 1.0, "m/s2/N": 1.0, "cm/s^2/N": 0.01, "mm/s^2/N": 0.001},
     "N*m**2": {"N m^2": 1.0, "N*m^2": 1.0, "N m2": 1.0},
 }
 
@@ -181,6 +183,8 @@ Density = Annotated[float, Quantity("density", "kg/m**3", "1025 kg/m^3")]
 LinearDensity = Annotated[float, Quantity("mass per length", "kg/m", "44.7 g/m")]
 Force = Annotated[float, Quantity("force", "N", "10 kN")]
 LinearForce = Annotated[float, Quantity("force per length", "N/m", "0.376 N/m")]
+SpeedPerForce = Annotated[float, Quantity("speed per force", "m/s/N", "0.05 m/s/N")]
+AccelerationPerForce = Annotated[float, Quantity("acceleration per force", "m/s**2/N", "0.1 m/s^2/N")]
 BendingStiffness = Annotated[float, Quantity("bending stiffness", "N*m**2", "2.4e-3 N m^2")]
 
 Point = tuple[Length, Length, Length]

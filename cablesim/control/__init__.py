@@ -1,0 +1,12 @@
+"""Controllers of the winch.
+
+Depends on: scene.
+"""
+
+from cablesim.control.laws import BuoyGap as BuoyGap
+from cablesim.control.laws import ConstantLength as ConstantLength
+from cablesim.control.laws import ConstantTension as ConstantTension
+from cablesim.control.measurement import Controller as Controller
+from cablesim.control.measurement import Measurement as Measurement
+from cablesim.control.user import ControllerError as ControllerError
+from cablesim.control.user import user_controller as user_controller
