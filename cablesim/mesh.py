@@ -86,7 +86,11 @@ class Mesh:
     def deployed(self, segments: int, length: float) -> Mesh:
         """The part between end A and a winch that has paid out `length` [m], cut into `segments`."""
         there = self.attachment_nodes < segments
-        return Mesh(np.append(self.nodes[:segments], length), np.where(there, self.attachment_nodes, ON_DRUM))
+        return Mesh(
+            np.append(self.nodes[:segments], length),
+            np.where(there, self.attachment_nodes, ON_DRUM),
+            float(self.lengths[segments - 1]),
+        )
 
     def segments_at(self, length: float) -> int:
         """Segments of a deployed length [m] with which a run starts: as many as may be."""

@@ -456,7 +456,7 @@ class Simulation:
         """Let a node come or go, and restart the integrator."""
         assert self._winding is not None
         before, energy, momentum = self.model, *self._motion_of(self.model, self._y)
-        status, y = self._winding.cross(self._time, self._y)
+        status, y = self._winding.cross(self._time, self._y, self._yp)
         if status is not Status.COMPLETED:
             return status
         self._model = self._winding.model

@@ -93,7 +93,7 @@ class Winding:
         self.model = self._models[model.layout.segments] = model
         self.bounds = bounds_at(self._mesh, model.layout.segments, self._minimum)
 
-    def cross(self, t: float, y: Array) -> tuple[Status, Array]:
+    def cross(self, t: float, y: Array, yp: Array) -> tuple[Status, Array]:
         """Put a node on the drum or take one from it, at the bound that has been reached.
 
         Returns the status with which the run ends (``COMPLETED``: it goes on) and the state; the
@@ -108,8 +108,7 @@ class Winding:
         self.use(self._model_of(segments - 1 if at_low else segments + 1))
         if at_low:
             return Status.COMPLETED, remove_node(t, y, old, self.model)
-        loaded = self._mesh.carries_attachment(segments - 1)
-        return Status.COMPLETED, insert_node(t, y, old, self.model, loaded=loaded)
+        return Status.COMPLETED, insert_node(t, y, yp, old, self.model)
 
     def guard_time(self, t: float) -> float:
         """Time [s] at which a step must end at the latest.

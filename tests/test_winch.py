@@ -16,11 +16,12 @@ from cablesim import Simulation, simulate
 from cablesim.control import Measurement
 from cablesim.integrate import Status
 from cablesim.mesh import FEWEST, LONGEST_BEYOND, ON_DRUM, SHORTEST, build_mesh
-from cablesim.motion import Motion, earliest_fall, payout_waypoints
+from cablesim.motion import earliest_fall, payout_waypoints
 from cablesim.physics.model import CableModel, build_model
 from cablesim.physics.needs import SPACE
 from cablesim.physics.winch import insert_node, material_velocity, remove_node
 from cablesim.scene import Control, Scene, Winch
+from cablesim.statics import find_initial_state
 
 Array = NDArray[np.float64]
 
@@ -65,7 +66,7 @@ def test_mesh_of_the_whole_cable_stays_where_it_is() -> None:
     assert list(part.attachment_nodes) == [20, ON_DRUM]
     assert list(part.in_water()) == [(0, 20)]
     assert part.node_lengths.sum() == pytest.approx(4.53, abs=1e-15)
-    assert part.reference_lengths[-1] == whole.lengths[44]
+    np.testing.assert_allclose(part.reference_lengths, 0.1, rtol=1e-12)
 
 
 @pytest.mark.parametrize("length", [0.31, 1.0, 2.04, 2.0401, 2.98, 3.0])
@@ -90,99 +91,119 @@ def test_bounds_do_not_chatter() -> None:
 
 
 def hanging(*, segments: int = 20, bending: float = 0.0) -> tuple[CableModel, CableModel, Array, float]:
-    """A cable at rest, at the instant at which the next node comes out: models before and after, state."""
+    """A cable at rest when its next node is to come out: models before and after, state, length."""
     rope = cable(length=4.0, bending_stiffness=bending)
-    base = scene(rope=rope, segments=4 * segments // 2, skip=False)
+    base = scene(rope=rope, segments=2 * segments, skip=False, strain_feedback=0.0)
     whole = build_mesh(base)
-    n = segments
-    length = whole.insertion_length(n)
+    length = whole.insertion_length(segments)
     assert length is not None
-    still = winched(base, length, [[0.0, 0.3], [1.0, 0.3]])
-    simulation = Simulation(replace(still, winch=replace(still.winch, payout=constant(length))))
-    old = simulation.initial.model
-    assert old.layout.segments in (n, n + 1)
-    if old.layout.segments == n + 1:  # the start takes as many nodes as may be: put the last one back
-        new = old
-        old = build_model(simulation.scene, whole.deployed(n, length), new.frame)
-        return old, new, remove_node(0.0, simulation.initial.y, new, old), length
+    base = winched(base, length, [[0.0, 0.0]])
+    start = find_initial_state(base, whole.deployed(segments, length))
     return (
-        old,
-        build_model(simulation.scene, whole.deployed(n + 1, length), old.frame),
-        simulation.state[0],
+        start.model,
+        build_model(base, whole.deployed(segments + 1, length), start.model.frame),
+        start.y,
         length,
     )
-
-
-def constant(length: float) -> Motion:
-    return payout_waypoints(length, [0.0], [0.0])
 
 
 def chord_sum(model: CableModel, y: Array) -> Array:
     return model.node_places(0.0, y)[-1]
 
 
+def after_insertion(old: CableModel, new: CableModel, y: Array) -> Array:
+    return insert_node(0.0, y, old.consistent_rates(0.0, y), old, new)
+
+
+def on_chord(old: CableModel, new: CableModel, y: Array) -> Array:
+    """The new node on the chord, with one tension for both parts."""
+    result, share = after_insertion(old, new, y), 1.0 / (1.0 + LONGEST_BEYOND)
+    layout, q = new.layout, old.layout.chord(y)[-1]
+    layout.tension(result)[-2:] = old.layout.tension(y)[-1]
+    layout.chord(result)[-2:] = share * q, (1.0 - share) * q
+    return result
+
+
 def test_insertion_keeps_closure_length_and_mass() -> None:
     old, new, y, length = hanging()
-    after = insert_node(0.0, y, old, new)
-    new.consistent_rates(0.0, after)  # sets the loads of this time
-    old.consistent_rates(0.0, y)
+    after = after_insertion(old, new, y)
+    for model, state in ((old, y), (new, after)):
+        model.consistent_rates(0.0, state)  # sets the loads of this time
     np.testing.assert_allclose(chord_sum(new, after), chord_sum(old, y), rtol=0, atol=1e-15)
     assert new.parameters.segments[:, 0].sum() == pytest.approx(length, rel=1e-15)
     mass = [model.parameters.nodes[:, 0].sum() for model in (old, new)]
     assert mass[1] == pytest.approx(mass[0], rel=1e-14)
-    np.testing.assert_array_equal(after[: old.layout.cell * 18], y[: old.layout.cell * 18])
+    np.testing.assert_array_equal(after[: old.layout.cell * 19], y[: old.layout.cell * 19])
 
 
-@pytest.mark.parametrize("bending", [0.0, 5e-3])
-def test_cable_at_rest_stays_in_balance(bending: float) -> None:
-    old, new, y, _ = hanging(bending=bending)
-    chord = insert_node(0.0, y, old, new, loaded=True)  # as if nothing were known of the curvature
-    for state, worst in ((insert_node(0.0, y, old, new), 0.03), (chord, np.inf)):
-        rates = new.consistent_rates(0.0, state)
-        accelerations = np.linalg.norm(new.layout.velocity(rates)[-3:], axis=1)
-        assert accelerations.max() < worst * 9.81
-        if worst == np.inf:  # on the chord the new node falls, and the one before is pulled up
-            assert accelerations.max() > 0.3 * 9.81
+def test_cable_at_rest_stays_at_rest() -> None:
+    """The new node is balanced to rounding, its neighbour better at each refinement; not so on the chord."""
+    worst = []
+    for segments in (20, 40, 80):
+        old, new, y, _ = hanging(segments=segments)
+        rates = new.consistent_rates(0.0, after_insertion(old, new, y))
+        accelerations = np.linalg.norm(new.layout.velocity(rates), axis=1)
+        assert accelerations[-1] < 1e-9
+        assert accelerations[:-2].max() < 1e-9
+        worst.append(accelerations[-2])
+        rates = new.consistent_rates(0.0, on_chord(old, new, y))
+        assert np.linalg.norm(new.layout.velocity(rates)[-1]) > 0.5 * 9.81
+    assert worst[0] < 3e-3 * 9.81
+    assert worst[0] / worst[1] == pytest.approx(2.0, rel=0.1)
+    assert worst[1] / worst[2] == pytest.approx(2.0, rel=0.1)
+
+
+def test_new_node_of_a_cable_that_bends_is_balanced() -> None:
+    old, new, y, _ = hanging(bending=5e-3)
+    rates = new.consistent_rates(0.0, after_insertion(old, new, y))
+    assert np.linalg.norm(new.layout.velocity(rates)[-1]) < 1e-9
+    assert np.linalg.norm(new.layout.velocity(rates), axis=1).max() < 0.1 * 9.81
 
 
 def test_removal_undoes_insertion() -> None:
     old, new, y, _ = hanging()
     rng = np.random.default_rng(3)
-    old.layout.velocity(y)[:] = rng.normal(size=old.layout.velocity(y).shape)
-    back = remove_node(0.0, insert_node(0.0, y, old, new), new, old)
-    np.testing.assert_allclose(back, y, rtol=1e-13, atol=1e-13)
+    old.layout.velocity(y)[:] = 0.1 * rng.normal(size=old.layout.velocity(y).shape)
+    back = remove_node(0.0, after_insertion(old, new, y), new, old)
+    np.testing.assert_allclose(back, y, rtol=1e-12, atol=1e-12)
 
 
 def test_parts_stretch_as_the_whole_did() -> None:
     old, new, y, _ = hanging()
     y = y.copy()
     old.layout.velocity(y)[-1] = [0.3, -0.2, 0.1]
-    before = old.layout.tension(old.consistent_rates(0.0, y))[-1]
-    rates = new.layout.tension(new.consistent_rates(0.0, insert_node(0.0, y, old, new)))[-2:]
-    np.testing.assert_allclose(rates, before, rtol=2e-3)
-    on_chord = insert_node(0.0, y, old, new, loaded=True)
-    np.testing.assert_allclose(
-        new.layout.tension(new.consistent_rates(0.0, on_chord))[-2:], before, rtol=1e-9
+    yp = old.consistent_rates(0.0, y)
+    before = old.layout.tension(yp)[-1]
+    still = np.zeros_like(yp)  # the kick is no motion of the material around
+    after = insert_node(0.0, y, still, old, new)
+    rates = new.layout.tension(new.consistent_rates(0.0, after))[-2:]
+    np.testing.assert_allclose(rates, before, rtol=1e-3)
+
+
+def test_slack_cable_takes_a_node_near_its_chord() -> None:
+    old, new, y, _ = hanging()
+    y = y.copy()
+    old.layout.tension(y)[:] = 0.0
+    after = after_insertion(old, new, y)
+    assert np.isfinite(after).all()
+    np.testing.assert_allclose(chord_sum(new, after), chord_sum(old, y), rtol=0, atol=1e-15)
+    places = new.node_places(0.0, after)[-3:]
+    chord = (places[2] - places[0]) / np.linalg.norm(places[2] - places[0])
+    beside = places[1] - places[0] - ((places[1] - places[0]) @ chord) * chord
+    assert np.linalg.norm(beside) < 0.02
+
+
+def test_new_node_lies_near_the_curve() -> None:
+    """Its distance from the rest shape of a finer mesh, over that of a node on the chord."""
+    old, new, y, length = hanging(segments=20)
+    where = float(new.parameters.constants[-1])
+    fine = Simulation(scene(rope=cable(length=length), segments=416)).observe().position
+    on_curve = np.array([np.interp(where, np.linspace(0, length, 417), fine[:, k]) for k in range(3)])
+    curved, straight_on = (
+        np.linalg.norm(new.node_places(0.0, put(old, new, y))[-2] - on_curve)
+        for put in (after_insertion, on_chord)
     )
-
-
-def test_new_node_lies_on_the_curve_to_third_order() -> None:
-    """The rest shape is smooth: the parabola misses it by the cube of the segment's length."""
-    errors = []
-    for segments in (20, 40, 80):
-        old, new, y, length = hanging(segments=segments)
-        after = insert_node(0.0, y, old, new)
-        fine, _, shape, _ = hanging(segments=4 * segments)
-        arc = np.append(fine.parameters.constants[-1] - np.cumsum(fine.parameters.segments[-2::-1, 0]), 0.0)
-        arc = np.sort(np.append(arc[:-1], [fine.parameters.constants[-1], length]))
-        places = fine.node_places(0.0, shape)
-        where = float(new.parameters.constants[-1])
-        on_curve = np.array(
-            [np.interp(where, np.append(arc[: len(places) - 1], length), places[:, k]) for k in range(3)]
-        )
-        chord_error = np.linalg.norm(insert_node(0.0, y, old, new, loaded=True)[:0])
-        errors.append(np.linalg.norm(new.node_places(0.0, after)[-2] - on_curve) + chord_error)
-    assert errors[0] > errors[1] > errors[2]
+    assert curved < 0.2 * straight_on
 
 
 # The winch cycle ----------------------------------------------------------------------------------
@@ -222,16 +243,12 @@ def test_no_line_at_the_insertion_rate() -> None:
 
 
 def test_rest_shape_after_the_cycle_is_the_static_one() -> None:
-    dataset = run()
-    length = float(dataset["deployed_length"][-1])
-    assert length == pytest.approx(2.5, abs=1e-12)
-    still = Simulation(scene(rope=cable(length=length), segments=200)).observe()
+    """Quadratic drag lets a swing of a millimetre fade like 1/t only: 0.8 mm at 30 s, so wait for 150 s."""
+    dataset = simulate(cycle(duration=150.0, interval=0.5, relative_tolerance=1e-4))
+    assert float(dataset["deployed_length"][-1]) == pytest.approx(2.5, abs=1e-12)
+    still = Simulation(scene(rope=cable(length=2.5), segments=50)).observe()
     places = dataset["position"][-1].dropna("node")
-    arc = np.append(places["s"].values[:-1], length)
-    wanted = np.stack(
-        [np.interp(arc, np.linspace(0, length, 201), still.position[:, k]) for k in range(3)], 1
-    )
-    assert np.linalg.norm(places.values - wanted, axis=1).max() < 3e-4
+    assert np.linalg.norm(places.values - still.position, axis=1).max() < 3e-4
 
 
 def test_length_mass_and_closure_are_exact() -> None:
@@ -313,7 +330,7 @@ def test_load_lowered_on_a_cable() -> None:
 
 
 def test_energy_of_a_cable_in_vacuum_is_what_the_winch_gives() -> None:
-    """Kinetic, potential and elastic energy change by the work at the winch and what flows in with the cable."""
+    """Kinetic, potential and elastic energy gain the work at the winch and what flows in."""
     rope = cable(length=4.0, density=VACUUM)
     base = scene(
         rope=rope, density=VACUUM, segments=160, duration=1.5, interval=2e-3, relative_tolerance=1e-7
@@ -430,9 +447,8 @@ def test_drum_is_nowhere_in_the_results() -> None:
     assert there[:, -1].all()
     assert not (there[:, :-1] & (s[:-1] >= deployed)).any()
     assert there[:, :-1][s[:-1] < deployed - 1.6 * 0.05].all()
-    np.testing.assert_allclose(
-        dataset["position"].values[:, -1], [[1.5, 0.0, 0.0]] * len(s[:1]) * 1, atol=1e-6
-    )
+    at_winch = dataset["position"].values[:, -1]
+    np.testing.assert_allclose(at_winch, np.broadcast_to([1.5, 0.0, 0.0], at_winch.shape), atol=1e-6)
     assert np.isfinite(dataset["tension"].values[:, -1]).all()
 
 
@@ -475,14 +491,14 @@ def proportional(measured: Measurement) -> float:
 
 def test_controller_at_20_hz_costs_no_restarts() -> None:
     control = Control(period=0.05, delay=0.0, make=lambda: proportional)
-    dataset = simulate(
-        winched(cycle(), 3.0, control).__class__(**vars(winched(cycle(duration=4.0), 3.0, control)))
-    )
+    dataset = simulate(winched(cycle(duration=4.0, interval=0.05), 3.0, control))
     assert dataset.attrs["starts"] == 1 + dataset.sizes["winch_event"]
-    # the winch reaches each answer a period later: L' follows 2 (3.4 - L) of a period before
-    assert float(dataset["deployed_length"][-1]) == pytest.approx(3.4, abs=1e-3)
-    early = dataset.sel(time=1.0, method="nearest")["deployed_length"]
-    assert float(early) == pytest.approx(3.4 - 0.4 * np.exp(-2.0 * (1.0 - 0.075)), abs=0.01)
+    # L gains the mean of this answer and the one before, times the period
+    length, speed = 3.0, 0.0
+    for _ in range(20):
+        answer = 2.0 * (3.4 - length)
+        length, speed = length + 0.5 * 0.05 * (speed + answer), answer
+    assert float(dataset["deployed_length"].sel(time=1.0)) == pytest.approx(length, abs=1e-12)
 
 
 def test_a_failing_controller_ends_the_run_with_what_it_said() -> None:
@@ -512,24 +528,25 @@ def test_controller_is_told_old_news() -> None:
     np.testing.assert_allclose(ages, 0.15, atol=1e-9)
 
 
-def test_an_hour_of_cranking_leaves_nothing_behind() -> None:
-    """The events of many cycles keep no solver objects, no lists and no models but one of each size."""
-    rng = np.random.default_rng(1)
-    times = np.arange(0.0, 120.0, 1.0)
-    speeds = np.concatenate(([0.0], rng.uniform(-0.5, 0.5, times.size - 1)))
-    lengths = 3.0 + np.concatenate(([0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))))
-    assert lengths.min() > 2.0
-    assert lengths.max() < 5.3
+def test_much_cranking_leaves_nothing_behind() -> None:
+    """Hundreds of events keep one solver object for each size, and cost no more late than early."""
+    times = np.arange(0.0, 121.0, 1.0)
+    speeds = 0.45 * np.sin(0.7 * times) + 0.45 * np.sin(0.31 * times + 1.0) - 0.45 * np.sin(1.0)
+    program = np.stack((times, speeds), axis=1)
+    lengths = payout_waypoints(3.0, times, speeds).position(np.linspace(0, 120, 2000))[:, 0]
+    speeds -= (lengths[-1] - 3.0) / 120.0
+    program[:, 1] = speeds
     simulation = Simulation(
-        cycle(payout=np.stack((times, speeds), 1), segment=0.1, relative_tolerance=1e-4, duration=119.0)
+        cycle(payout=program, segment=0.05, relative_tolerance=1e-4, duration=120.0, length=9.0)
     )
     dataset = simulation.run()
     assert dataset.attrs["status"] == "completed"
-    assert dataset.sizes["winch_event"] > 150
-    sizes = len({n for n in range(200) if n in simulation._integrators})
-    assert sizes == len(simulation._integrators) <= 30
-    calls = dataset.attrs["residual_calls"] / dataset.sizes["winch_event"]
-    assert calls < 60
+    events = dataset["winch_event_time"].values
+    assert len(events) > 400
+    sizes = 1 + np.ptp(np.cumsum(dataset["winch_event_change"].values))
+    assert len(simulation._integrators) <= sizes + 1
+    assert dataset.attrs["starts"] == len(events) + 1
+    assert dataset.attrs["residual_calls"] / len(events) < 60
 
 
 def test_bound_on_the_time_of_a_fall() -> None:

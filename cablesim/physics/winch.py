@@ -9,14 +9,14 @@ discrete equations hold:
 * closure: the chords of the two parts add up to the chord of the whole, so that the sum of all
   chords does not change by more than rounding;
 * mass and length: the lengths of the parts add up, and the lumped masses with them;
-* balance of forces: tension is linear along the parts and the new node lies on the parabola that
-  goes on with the curvature of the joint before it.  For a cable at rest under even loads both are
-  exact, so that neither node starts to move;
-* compatibility: each part stretches at the rate of the whole.
+* compatibility (3): each part stretches at the rate of the whole;
+* balance of forces (2): the new node lies beside the chord, and the tensions of the parts differ, by
+  so much that it moves as the material around it does.  For a cable at rest both its neighbours
+  then stay at rest, too.
 
-On the chord itself, with one tension for both parts, the new node is out of balance by all the weight
-on it and the node before by what it has lost: the segments then swing and ring after each insertion
-(README, design notes, has the measured difference).
+Put on the chord itself, with one tension for both parts, the new node is out of balance by all of its
+weight, and the one before by what it has lost: they fall, swing and ring after each insertion (README,
+design notes, has the measured difference).
 """
 
 from __future__ import annotations
@@ -29,8 +29,12 @@ from cablesim.physics.parameters import EA_, LENGTH, REFERENCE_LENGTH, WINCH_STA
 
 Array = NDArray[np.float64]
 
-LARGEST_OFFSET = 0.25
-"""Farthest that a new node is put from the chord, over the shorter part: a folded joint has no curvature."""
+LARGEST_OFFSET = 0.2
+"""Farthest that a new node is put from the chord, over the shorter part: a slack or folded cable has no
+tension that would hold it anywhere."""
+
+NEWTON_STEPS = 3
+DIFFERENCE = 1e-6  # of the chord, and of the tension, for the derivatives
 
 
 def material_velocity(t: float, y: Array, model: CableModel) -> Array:
@@ -56,50 +60,104 @@ def material_velocity(t: float, y: Array, model: CableModel) -> Array:
     return layout.end_velocity(y) - model.deployed_length(t)[1] * stretch * chord / np.linalg.norm(chord)
 
 
-def insert_node(t: float, y: Array, old: CableModel, new: CableModel, *, loaded: bool = False) -> Array:
+def insert_node(t: float, y: Array, yp: Array, old: CableModel, new: CableModel) -> Array:
     """State after the next material node has come out.
 
     Parameters
     ----------
     t : float
         Time [s].
-    y : ndarray, shape (old.layout.size,)
-        State before.
+    y, yp : ndarray, shape (old.layout.size,)
+        State before, and its rates.
     old, new : CableModel
         Equations before and after; `new` has one segment more.
-    loaded : bool
-        Whether the last free node carries an attachment: its kink is then no curvature of the cable.
 
     Returns
     -------
     ndarray, shape (new.layout.size,)
         State after.
     """
-    layout, parameters = old.layout, old.parameters
-    chords = parameters.segments[-2:, REFERENCE_LENGTH, None] * layout.chord(y)[-2:]
+    cut = _Cut(t, y, old, new)
+    rates = _split_rates(t, y, yp, old, new)
+    out = np.empty(new.layout.size)
+    node = (new.layout.segments - 1) * new.layout.cell
+    row = slice(node, node + new.layout.dimension)
+
+    def unbalanced(unknowns: Array) -> Array:
+        new.residual(t, cut.state(unknowns), rates, out)
+        return out[row].copy()
+
+    # Newton's method on the balance of forces of the new node; nearly linear, so three steps are plenty
+    unknowns = np.zeros(new.layout.dimension)
+    for _ in range(NEWTON_STEPS):
+        force = unbalanced(unknowns)
+        slopes = [(unbalanced(unknowns + step) - force) / step.sum() for step in cut.differences]
+        try:
+            unknowns = cut.limited(unknowns - np.linalg.solve(np.stack(slopes, axis=1), force))
+        except np.linalg.LinAlgError:  # slack without any force
+            break
+    return cut.state(unknowns)
+
+
+class _Cut:
+    """The winch's segment cut in two: states for any place of the new node and difference of tension.
+
+    The unknowns are D numbers: the offset from the chord along D - 1 normals [m], and the tension of
+    the second part less that of the first [N].
+    """
+
+    def __init__(self, t: float, y: Array, old: CableModel, new: CableModel) -> None:
+        layout = old.layout
+        self._y, self._old, self._new = y, old, new
+        self._parts = np.array(_parts(t, new))
+        self._whole = float(self._parts.sum())
+        self._chord = old.parameters.segments[-1, REFERENCE_LENGTH] * layout.chord(y)[-1]
+        self._size = float(np.linalg.norm(self._chord))
+        self._direction = self._chord / self._size
+        self._normals = np.linalg.svd(self._direction[None])[2][1:]
+        self._tension = float(layout.tension(y)[-1])
+        self._free = layout.velocity(y)[-1]
+        self._across = material_velocity(t, y, old) - self._free
+        scales = np.full(layout.dimension, self._size)
+        scales[-1] = max(abs(self._tension), 1e-6 * old.parameters.constants[EA_])
+        self.differences = np.diag(DIFFERENCE * scales)
+        self._limits = np.full(layout.dimension, LARGEST_OFFSET * self._parts.min())
+        self._limits[-1] = np.inf
+
+    def limited(self, unknowns: Array) -> Array:
+        """The unknowns within what makes sense."""
+        return np.clip(unknowns, -self._limits, self._limits)
+
+    def state(self, unknowns: Array) -> Array:
+        """State of the new equations."""
+        offset = unknowns[:-1] @ self._normals
+        share = self._parts / self._whole
+        # the last term turns the offset with the chord, so that both parts stretch as the whole does
+        velocity = self._free + share[0] * self._across
+        velocity -= (offset @ self._across) / self._size * self._direction
+        layout, result = self._new.layout, np.empty(self._new.layout.size)
+        _copy_cells(self._old.layout.segments - 1, self._old, self._y, self._new, result)
+        layout.velocity(result)[-2:] = self._free, velocity
+        # by these shares the mean over the length of both is the tension of the whole
+        layout.tension(result)[-2:] = self._tension + unknowns[-1] * np.array([-share[1], share[0]])
+        parts = share[:, None] * self._chord + np.stack((offset, -offset))
+        layout.chord(result)[-2:] = parts / self._new.parameters.segments[-2:, REFERENCE_LENGTH, None]
+        return result
+
+
+def _split_rates(t: float, y: Array, yp: Array, old: CableModel, new: CableModel) -> Array:
+    """Rates with which the new node moves as the material around it: acceleration linear along the chord."""
+    layout, rates = old.layout, np.empty(new.layout.size)
+    _copy_cells(layout.segments, old, yp, new, rates)
+    chord = layout.chord(y)[-1]
+    gain = old.deployed_motion(t)[2] * chord / np.linalg.norm(chord)
     first, second = _parts(t, new)
-    whole = first + second
-    direction, before = chords[1] / np.linalg.norm(chords[1]), chords[0] / np.linalg.norm(chords[0])
-    stretch = 1.0 + layout.tension(y)[-1] / parameters.constants[EA_]
-    between = 0.5 * (parameters.segments[-2, LENGTH] + whole)
-    curvature = np.zeros_like(direction) if loaded else stretch * (direction - before) / between
-    gradient = 0.0 if loaded else float(np.diff(layout.tension(y)[-2:])[0]) / between
-
-    offset = -0.5 * first * second * curvature
-    offset -= (offset @ direction) * direction
-    offset *= min(1.0, LARGEST_OFFSET * min(first, second) / max(float(np.linalg.norm(offset)), 1e-300))
-    across = material_velocity(t, y, old) - layout.velocity(y)[-1]
-    # the last term turns the offset with the chord, so that both parts stretch as the whole did
-    velocity = layout.velocity(y)[-1] + first / whole * across - (offset @ across) / whole * direction
-
-    result = np.empty(new.layout.size)
-    _copy_cells(layout.segments - 1, old, y, new, result)
-    new.layout.velocity(result)[-2:] = layout.velocity(y)[-1], velocity
-    tension = layout.tension(y)[-1]
-    new.layout.tension(result)[-2:] = tension - 0.5 * gradient * second, tension + 0.5 * gradient * first
-    parts = np.stack((first / whole * chords[1] + offset, second / whole * chords[1] - offset))
-    new.layout.chord(result)[-2:] = parts / new.parameters.segments[-2:, REFERENCE_LENGTH, None]
-    return result
+    free = layout.velocity(yp)[-1]
+    at_winch = layout.end_velocity(yp) - gain
+    new.layout.velocity(rates)[-1] = free + first / (first + second) * (at_winch - free)
+    new.layout.tension(rates)[-1] = layout.tension(yp)[-1]
+    new.layout.chord(rates)[-1] = layout.chord(yp)[-1]
+    return rates
 
 
 def remove_node(t: float, y: Array, old: CableModel, new: CableModel) -> Array:
