@@ -427,7 +427,7 @@ class Simulation:
         # the motion after a jump must not be seen before it
         self._limit = math.nextafter(self._stop, 0.0) if self._jump else self._stop
         if self._loop is not None:
-            self._limit = min(self._limit, max(self._loop.next_sample, self._time))
+            self._limit = min(self._limit, self._loop.known_until)
         if self._winding is not None:
             self._limit = min(self._limit, self._winding.guard_time(self._time))
 
@@ -439,8 +439,10 @@ class Simulation:
                 return status
             if self._time >= self._limit:
                 self._look_ahead()
-            advance = self._integrator.advance(min(t, self._limit), self._limit)
-            status, self._time, self._y, self._yp = advance
+            target = min(t, self._limit)
+            if self._loop is not None:
+                target = min(target, self._loop.next_sample)
+            status, self._time, self._y, self._yp = self._integrator.advance(target, self._limit)
             if status is Status.EVENT:
                 status = self._wind()
             if status is not Status.COMPLETED:
@@ -455,7 +457,9 @@ class Simulation:
     def _wind(self) -> Status:
         """Let a node come or go, and restart the integrator."""
         assert self._winding is not None
-        before, energy, momentum = self.model, *self._motion_of(self.model, self._y)
+        before, y = self.model, self._y
+        before.residual(self._time, y, self._yp, np.empty_like(y))  # sets the loads of this time
+        energy, momentum = self._motion_of(before, y)
         status, y = self._winding.cross(self._time, self._y, self._yp)
         if status is not Status.COMPLETED:
             return status
@@ -473,22 +477,26 @@ class Simulation:
         return status
 
     def _motion_of(self, model: CableModel, y: Array) -> tuple[float, Array]:
-        model.residual(self._time, y, np.zeros_like(y), np.empty_like(y))  # sets the loads of this time
         return model.kinetic_energy_and_momentum(y, material_velocity(self._time, y, model))
 
     def _sample_controller(self) -> Status:
         """Ask the controller when it is time to, and let the winch's speed go to its answer evenly."""
         if self._loop is None or self._time < self._loop.next_sample - SAME_INSTANT:
             return Status.COMPLETED
+        start, period = self._loop.next_sample, self._loop.period
+        ahead, speed_ahead = self.model.deployed_length(start + period)
         try:
-            speed = self._loop.sample(self._measure())
+            speed = self._loop.sample(self._measure(), speed_ahead)
         except ControlError as error:
             self._failure = str(error)
             return Status.CONTROLLER_FAILED
-        parameters = self.model.parameters
-        length, present = self.model.deployed_length(self._time)
-        breaks, coefficients = _length_ramp(self._time, self._loop.period, length, present, speed)
-        parameters.winch_breaks[:], parameters.winch_coefficients[:] = breaks, coefficients
+        # the piece that is under way stays; behind it the answer is appended
+        breaks, coefficients = _length_ramp(start + period, period, ahead, speed_ahead, speed)
+        table = self.model.parameters
+        length, now = self.model.deployed_length(start)
+        table.winch_coefficients[0, :3, 0] = length, now, 0.5 * (speed_ahead - now) / period
+        table.winch_breaks[0], table.winch_breaks[1:] = start, breaks
+        table.winch_coefficients[1:] = coefficients
         self._look_ahead()
         return Status.COMPLETED
 
@@ -545,11 +553,15 @@ class Simulation:
         if payout_speed is not None or driven[2]:
             changes |= self._payout_ramp(duration, payout_speed)
             driven[2] = True
+        begins = not any(self._driven)
         self._driven = (driven[0], driven[1], driven[2])
         self._driven_until = self._time + duration
         self._use(self.model.with_parameters(parameters._replace(**changes)))
         self._integrator.equations = self.model
-        self._look_ahead()
+        if begins:  # the integrator may have stepped beyond, into what will not be
+            self._begin(self._time, self._y, self._yp)
+        else:
+            self._look_ahead()
 
     def _payout_ramp(self, duration: float, command: float | None) -> dict[str, Array]:
         """Breaks and coefficients of a deployed length whose rate changes evenly over `duration`."""
@@ -623,16 +635,18 @@ class _Places:
     y: Array
     node_of: Callable[[str], int | None]
 
-    def __call__(self, name: str) -> tuple[Array, Array]:
-        node, segments, frame = self.node_of(name), self.model.layout.segments, self.model.frame
-        index = segments if node is None else min(node, segments)
-        place = self._node_places[index]
-        velocity = self.model.layout.node_velocity(self.y)[index]
-        return frame.places_out(place), frame.vectors_out(velocity)
-
     @cached_property
-    def _node_places(self) -> Array:
-        return self.model.node_places(self.time, self.y)
+    def _found(self) -> dict[str, tuple[Array, Array]]:
+        return {}
+
+    def __call__(self, name: str) -> tuple[Array, Array]:
+        if name not in self._found:
+            frame, segments = self.model.frame, self.model.layout.segments
+            node = self.node_of(name)
+            node = segments if node is None else min(node, segments)
+            place, velocity = self.model.node_place_and_velocity(node, self.time, self.y)
+            self._found[name] = frame.places_out(place), frame.vectors_out(velocity)
+        return self._found[name]
 
 
 def _length_ramp(t: float, duration: float, length: float, now: float, then: float) -> tuple[Array, Array]:

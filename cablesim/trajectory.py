@@ -284,7 +284,9 @@ class _Quantities:
         result = np.zeros_like(self.tangent)
         if not self.model.features.bending:
             return result
-        before, after, stiffness = self._joints
+        layout, history = self.model.layout, self.history
+        damped = layout.chord(history.y) + self.scene.cable.structural_damping * layout.chord(history.yp)
+        before, after, stiffness = self._joints(damped)
         cosine = np.einsum("tjc,tjc->tj", before, after)
         moment = (stiffness / np.maximum(1.0 + cosine, 1e-9))[..., None]
         pull_after = -moment * (before - cosine[..., None] * after)  # of joint j on segment j
@@ -293,10 +295,13 @@ class _Quantities:
         sizes = np.sqrt(np.einsum("tec,tec->te", self.chords, self.chords))
         return result / np.maximum(sizes, 1e-30)[..., None]
 
-    @cached_property
-    def _joints(self) -> tuple[Array, Array, Array]:
-        """Tangents before and after each of the n+1 joints, and 2 EI/lbar (0 at a ball joint)."""
-        t = self.tangent
+    def _joints(self, chord: Array) -> tuple[Array, Array, Array]:
+        """Tangents before and after each of the n+1 joints, and 2 EI/lbar (0 at a ball joint).
+
+        `chord` (time, segment, D) are segment vectors of any length.
+        """
+        t = self.model.frame.vectors_out(chord)
+        t /= np.sqrt(np.einsum("tec,tec->te", t, t))[..., None]
         clamps = self.model.frame.vectors_out(self.model.parameters.clamps)
         shape = (t.shape[0], 1, 3)
         before = np.concatenate((np.broadcast_to(clamps[0], shape), t), axis=1)
@@ -464,7 +469,7 @@ class _Quantities:
     def bending_energy(self) -> Array:
         if not self.model.features.bending:
             return np.zeros(self.times.size)
-        before, after, stiffness = self._joints
+        before, after, stiffness = self._joints(self.model.layout.chord(self.history.y))
         opening = np.maximum(1.0 + np.einsum("tjc,tjc->tj", before, after), 1e-9)
         return -np.sum(np.log(0.5 * opening) * stiffness, axis=1)
 

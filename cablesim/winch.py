@@ -15,7 +15,7 @@ from cablesim.integrate.protocol import Status
 from cablesim.mesh import FEWEST, Mesh
 from cablesim.motion import earliest_fall
 from cablesim.physics.model import CableModel
-from cablesim.physics.parameters import WINCH_START_, Parameters
+from cablesim.physics.parameters import WINCH_START_
 from cablesim.physics.winch import insert_node, remove_node
 
 Array = NDArray[np.float64]
@@ -127,11 +127,12 @@ class Winding:
             self._models[segments] = self._build(self._mesh.deployed(segments, full))
         model = self._models[segments]
         now = self.model.parameters
-        if _same_motions(now, model.parameters):
+        if all(getattr(now, name).shape == getattr(model.parameters, name).shape for name in _MOTIONS):
+            for name in _MOTIONS:
+                getattr(model.parameters, name)[:] = getattr(now, name)
             return model
         changes = {name: getattr(now, name) for name in _MOTIONS}
-        self._models[segments] = model.with_parameters(model.parameters._replace(**changes))
-        return self._models[segments]
+        return model.with_parameters(model.parameters._replace(**changes))
 
 
 _MOTIONS = (
@@ -142,7 +143,3 @@ _MOTIONS = (
     "breaks_b",
     "coefficients_b",
 )
-
-
-def _same_motions(first: Parameters, second: Parameters) -> bool:
-    return all(np.array_equal(getattr(first, name), getattr(second, name)) for name in _MOTIONS)

@@ -33,7 +33,7 @@ def residual(scene: Scene, mesh: Mesh, t: float, state: Unknowns, rate: Unknowns
     tangent = unit(state.q)
     balance = inertia_drag_and_weight(scene, mesh, t, state, rate)
     tau = scene.cable.structural_damping
-    force = (state.T + tau * rate.T)[:, None] * tangent + shear(scene, mesh, state.q)
+    force = (state.T + tau * rate.T)[:, None] * tangent + shear(scene, mesh, state.q + tau * rate.q)
     balance[:-1] -= force
     balance[1:] += force
     return Unknowns(

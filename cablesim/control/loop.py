@@ -1,5 +1,11 @@
 """A controller at work: sampled, delayed and kept within what the winch can do.
 
+What a controller answers at one sampling instant the winch begins to do at the next: it goes there
+evenly and has the speed asked for one period later.  Digital controllers work so; and as the motion
+is known a period ahead, the integrator steps over sampling instants as if they were not there.
+Without that, each instant cuts a step short, and the changing steps ask for new Jacobians (README,
+design notes, has the figures).
+
 Depends on: scene, control.measurement.
 """
 
@@ -45,13 +51,20 @@ class ControlLoop:
         """Sampling period [s]."""
         return self._control.period
 
-    def sample(self, measured: Measurement) -> float:
-        """Payout speed [m/s] that the winch will have at the next sampling instant.
+    @property
+    def known_until(self) -> float:
+        """Time up to which the winch's motion is settled [s]."""
+        return self.next_sample + self._control.period
+
+    def sample(self, measured: Measurement, speed_ahead: float) -> float:
+        """Payout speed [m/s] that the winch will have two sampling instants from now.
 
         Parameters
         ----------
         measured : Measurement
             The world now; the controller is given the newest one that is old enough.
+        speed_ahead : float
+            Payout speed that the winch will have at the next sampling instant [m/s].
 
         Raises
         ------
@@ -64,7 +77,7 @@ class ControlLoop:
         while len(self._measured) > 1 and self._measured[1].time <= latest:
             self._measured.popleft()
         asked = self._ask(self._measured[0])
-        return limited_speed(asked, measured.payout_speed, self._control.period, self._winch)
+        return limited_speed(asked, speed_ahead, self._control.period, self._winch)
 
     def _ask(self, known: Measurement) -> float:
         try:

@@ -53,7 +53,7 @@ class Measurement:
 
 
 class Controller(Protocol):
-    """Anything that turns a measurement into the payout speed it wants at the next sampling instant."""
+    """Anything that turns a measurement into the payout speed it wants."""
 
     def __call__(self, measured: Measurement) -> float:
         """Payout speed asked for [m/s]; the winch goes there as fast as its limits allow."""

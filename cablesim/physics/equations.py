@@ -14,7 +14,7 @@ L           deployed length; the last segment reaches from its material node to 
 t           unit tangent q/|q|, from A to B; `m` mean tangent at a node
 l, l_ref    unstretched and reference length of a segment;  eps = T/EA
 Q           shear force (T_n, T_b of the paper) as a vector, eliminated
-tau         Kelvin-Voigt time;  beta, kappa feedback of strain and closure
+tau         Kelvin-Voigt time, of stretching and of bending;  beta, kappa feedback of strain and closure
 U, A        velocity and acceleration of the water at a node
 w           integrated place of end B
 ==========  ===========================================================================
@@ -360,7 +360,20 @@ def compile_equations(features: Features) -> Equations:
             # k = 2 EI/(lbar (1 + t_(j-1).t_j)), written without cross products:
             # joint j adds -k (t_(j-1) - c t_j)/|chord_j| to Q_j,
             # and -k (t_j - c t_(j-1))/|chord_(j-1)| to Q_(j-1)
+            # with damping all this at q + tau q': to first order M + tau M', in the same columns
             if BENDING:
+                bent, size, dq = tangent, chord, 1.0
+                if DAMPING:
+                    bent, size, dq = np.empty((n, D)), np.empty(n), 1.0 + c_j * tau
+                    for e in range(n):
+                        iq = e * CELL + D + 1
+                        square = 0.0
+                        for c in range(D):
+                            bent[e, c] = y[iq + c] + tau * yp[iq + c]
+                            square += bent[e, c] * bent[e, c]
+                        size[e] = math.sqrt(square) + TINY
+                        for c in range(D):
+                            bent[e, c] /= size[e]
                 first = 0 if CLAMP_A else 1
                 last = n if CLAMP_B else n - 1
                 before, after = np.empty(D), np.empty(D)
@@ -373,8 +386,8 @@ def compile_equations(features: Features) -> Equations:
                         lbar += 0.5 * p.segments[j, LENGTH]
                     cosine = 0.0
                     for c in range(D):
-                        before[c] = tangent[j - 1, c] if j > 0 else p.clamps[0, c]
-                        after[c] = tangent[j, c] if j < n else p.clamps[1, c]
+                        before[c] = bent[j - 1, c] if j > 0 else p.clamps[0, c]
+                        after[c] = bent[j, c] if j < n else p.clamps[1, c]
                         cosine += before[c] * after[c]
                     opening = max(1.0 + cosine, FOLDED)
                     k = 2.0 * EI / (lbar * opening)
@@ -387,20 +400,20 @@ def compile_equations(features: Features) -> Equations:
                     bottom = (j < n - 1 or FREE_B) and j < n
                     if not JACOBIAN:
                         if j < n:
-                            length = chord[j] * p.segments[j, REFERENCE_LENGTH]
+                            length = size[j] * p.segments[j, REFERENCE_LENGTH]
                             for c in range(D):
                                 Q = -k * u[c] / length
                                 out[jb + c] -= Q
                                 out[jb + CELL + c] += Q
                         if j > 0:
-                            length = chord[j - 1] * p.segments[j - 1, REFERENCE_LENGTH]
+                            length = size[j - 1] * p.segments[j - 1, REFERENCE_LENGTH]
                             for c in range(D):
                                 Q = -k * w[c] / length
                                 out[ja + c] -= Q
                                 out[ja + CELL + c] += Q
                     else:
                         if j < n:  # Q_j
-                            length = chord[j] * p.segments[j, REFERENCE_LENGTH]
+                            length = size[j] * p.segments[j, REFERENCE_LENGTH]
                             for c in range(D):
                                 for d in range(D):
                                     same = 1.0 if c == d else 0.0
@@ -408,7 +421,7 @@ def compile_equations(features: Features) -> Equations:
                                     g = -k / opening * u[c] * u[d]
                                     g -= k * (after[c] * u[d] + cosine * (same - after[c] * after[d]))
                                     g -= k * u[c] * after[d]
-                                    g *= -1.0 / (length * chord[j])
+                                    g *= -dq / (length * size[j])
                                     col = jb + D + 1 + d
                                     if middle:
                                         out[base + (jb + c) * si + col * sj] -= g
@@ -417,21 +430,21 @@ def compile_equations(features: Features) -> Equations:
                                     if j > 0:
                                         g = -k / opening * u[c] * w[d]
                                         g += k * (same - before[c] * before[d] - after[c] * w[d])
-                                        g *= -1.0 / (length * chord[j - 1])
+                                        g *= -dq / (length * size[j - 1])
                                         col = ja + D + 1 + d
                                         if middle:
                                             out[base + (jb + c) * si + col * sj] -= g
                                         if bottom:
                                             out[base + (jb + CELL + c) * si + col * sj] += g
                         if j > 0:  # Q_(j-1)
-                            length = chord[j - 1] * p.segments[j - 1, REFERENCE_LENGTH]
+                            length = size[j - 1] * p.segments[j - 1, REFERENCE_LENGTH]
                             for c in range(D):
                                 for d in range(D):
                                     same = 1.0 if c == d else 0.0
                                     g = -k / opening * w[c] * w[d]
                                     g -= k * (before[c] * w[d] + cosine * (same - before[c] * before[d]))
                                     g -= k * w[c] * before[d]
-                                    g *= -1.0 / (length * chord[j - 1])
+                                    g *= -dq / (length * size[j - 1])
                                     col = ja + D + 1 + d
                                     if top:
                                         out[base + (ja + c) * si + col * sj] -= g
@@ -440,7 +453,7 @@ def compile_equations(features: Features) -> Equations:
                                     if j < n:
                                         g = -k / opening * w[c] * u[d]
                                         g += k * (same - after[c] * after[d] - before[c] * u[d])
-                                        g *= -1.0 / (length * chord[j])
+                                        g *= -dq / (length * size[j])
                                         col = jb + D + 1 + d
                                         if top:
                                             out[base + (ja + c) * si + col * sj] -= g

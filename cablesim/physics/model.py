@@ -210,6 +210,16 @@ class CableModel:
             return self.layout.end_place(y) + from_a - from_a[-1]
         return self.end_place_and_velocity("a", t)[0] + from_a
 
+    def node_place_and_velocity(self, node: int, t: float, y: Array) -> tuple[Array, Array]:
+        """Coordinates and velocity, each (D,), of one node at one time."""
+        layout = self.layout
+        lengths = self.parameters.segments[:, REFERENCE_LENGTH]
+        velocity = layout.end_velocity(y) if node == layout.segments else layout.velocity(y)[node]
+        if self.features.free_a:
+            return layout.end_place(y) - lengths[node:] @ layout.chord(y)[node:], velocity
+        start = self.end_place_and_velocity("a", t)[0]
+        return start + lengths[:node] @ layout.chord(y)[:node], velocity
+
     def _end_accelerations(self, t: float) -> Array:
         parameters = self.parameters
         ends = []
@@ -326,9 +336,9 @@ def _winch_table(scene: Scene, mesh: Mesh, nodes: Array) -> tuple[Array, Array, 
     program = scene.winch.payout if scene.winch is not None else None
     if isinstance(program, Motion):
         return loads, program.breaks, program.coefficients
-    coefficients = np.zeros((2, 6, 1))  # at rest; a controller's commands are written here
+    coefficients = np.zeros((3, 6, 1))  # at rest; a controller's commands are written here
     coefficients[:, 0] = scene.start_length
-    return loads, np.array([0.0, 1.0, 1e9]), coefficients
+    return loads, np.array([0.0, 1.0, 2.0, 1e9]), coefficients
 
 
 def _end_table(end: End, frame: Frame) -> tuple[Array, Array]:

@@ -33,7 +33,7 @@ LARGEST_OFFSET = 0.2
 """Farthest that a new node is put from the chord, over the shorter part: a slack or folded cable has no
 tension that would hold it anywhere."""
 
-NEWTON_STEPS = 3
+NEWTON_STEPS = 2
 DIFFERENCE = 1e-6  # of the chord, and of the tension, for the derivatives
 
 
@@ -79,6 +79,10 @@ def insert_node(t: float, y: Array, yp: Array, old: CableModel, new: CableModel)
     """
     cut = _Cut(t, y, old, new)
     rates = _split_rates(t, y, yp, old, new)
+    velocity = new.layout.node_velocity(cut.state(np.zeros(new.layout.dimension)))[-3:]
+    new.layout.chord(rates)[-2:] = (
+        np.diff(velocity, axis=0) / new.parameters.segments[-2:, REFERENCE_LENGTH, None]
+    )
     out = np.empty(new.layout.size)
     node = (new.layout.segments - 1) * new.layout.cell
     row = slice(node, node + new.layout.dimension)
@@ -87,7 +91,7 @@ def insert_node(t: float, y: Array, yp: Array, old: CableModel, new: CableModel)
         new.residual(t, cut.state(unknowns), rates, out)
         return out[row].copy()
 
-    # Newton's method on the balance of forces of the new node; nearly linear, so three steps are plenty
+    # Newton's method on the balance of forces of the new node; nearly linear, so two steps do
     unknowns = np.zeros(new.layout.dimension)
     for _ in range(NEWTON_STEPS):
         force = unbalanced(unknowns)
@@ -156,7 +160,6 @@ def _split_rates(t: float, y: Array, yp: Array, old: CableModel, new: CableModel
     at_winch = layout.end_velocity(yp) - gain
     new.layout.velocity(rates)[-1] = free + first / (first + second) * (at_winch - free)
     new.layout.tension(rates)[-1] = layout.tension(yp)[-1]
-    new.layout.chord(rates)[-1] = layout.chord(yp)[-1]
     return rates
 
 
