@@ -354,7 +354,10 @@ class _Quantities:
 
     @cached_property
     def end_tension(self) -> Array:
-        return self.tension[:, [0, -1]]
+        tension = self.tension[:, [0, -1]]
+        if self.on_winch:  # of the outlet itself: the middle of its segment moves to and fro with the nodes
+            tension[:, 1] = -np.einsum("tc,tc->t", self.end_force[:, 1], self.tangent[:, -1])
+        return tension
 
     @cached_property
     def end_force(self) -> Array:
