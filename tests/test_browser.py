@@ -163,6 +163,8 @@ def test_the_scene_turns_moves_and_zooms(show, buoys):
             lambda: report.page.uncheck("[data-option=frames]"),
             lambda: report.page.uncheck("[data-option=names]"),
             lambda: report.page.check("[data-option=follow]"),
+            lambda: report.page.fill("#slider", "30"),
+            lambda: report.page.check("[data-option=ghosts]"),
         )
     ):
         act()

@@ -137,10 +137,11 @@ class Scene {
 
   /** Shapes before this state, evenly spread over the run. */
   drawGhosts(state, view) {
-    this.stroke(this.colours.cable, 1.2, 0.3);
     for (let i = 0; i <= GHOSTS; i += 1) {
       const ghost = Math.round((i * (this.run.states - 1)) / GHOSTS);
-      if (ghost < state) this.polyline(this.run.shape(ghost).map(({ place }) => view.project(place)));
+      if (ghost >= state) return;
+      this.stroke(this.colours.cable, 1.2, 0.35);
+      this.polyline(this.run.shape(ghost).map(({ place }) => view.project(place)));
     }
   }
 
@@ -239,6 +240,7 @@ class Scene {
     Object.assign(this.pen, { lineCap: "round", lineJoin: "round" });
   }
 
+  /** A line in the stroke set before; the next one is opaque again. */
   polyline(points) {
     this.pen.beginPath();
     for (const [x, y] of points) this.pen.lineTo(x, y);
