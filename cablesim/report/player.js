@@ -19,15 +19,15 @@ class Player {
 
   play() {
     if (this.times.length < 2) return;
-    this.time = this.times[this.atEnd ? 0 : this.state];
     this.playing = true;
     this.before = performance.now();
-    this.onChange();
-    requestAnimationFrame((now) => this.advance(now));
+    this.seek(this.atEnd ? 0 : this.state);
+    this.awaitFrame();
   }
 
   pause() {
     this.playing = false;
+    cancelAnimationFrame(this.frame);
     this.onChange();
   }
 
@@ -38,14 +38,17 @@ class Player {
     this.onChange();
   }
 
+  awaitFrame() {
+    this.frame = requestAnimationFrame((now) => this.advance(now));
+  }
+
   advance(now) {
-    if (!this.playing) return;
     this.time += (Math.max(0, now - this.before) / 1000) * this.speed;
     this.before = now;
     // only states of the result are shown, none in between
     this.state = Math.max(0, firstAbove(this.times, this.time) - 1);
     if (this.atEnd) this.playing = false;
+    else this.awaitFrame();
     this.onChange();
-    requestAnimationFrame((later) => this.advance(later));
   }
 }
