@@ -1,4 +1,4 @@
-"""The command line: new, validate, info, statics, run, plot, export, schema.
+"""The command line: new, validate, info, statics, run, plot, report, animate, export, schema.
 
 Depends on: all of cablesim, imported when a command needs it.
 
@@ -324,6 +324,52 @@ def plot(
     with _writing(output):
         figure.savefig(output)
     _say(f"{output} written")
+
+
+@app.command(epilog=EXIT_CODES)
+@_guarded
+def report(
+    result: ResultPath,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="HTML file; default: <result>.html")
+    ] = None,
+) -> None:
+    """Write a result as one HTML file: moving picture, lines against time, key numbers, case."""
+    from cablesim.batch import OutputError, check_writable
+    from cablesim.report import write_report
+
+    output = Path(f"{result.stem}.html") if output is None else output
+    if output.suffix.lower() not in (".html", ".htm"):
+        raise OutputError(f"cannot write {output}: its name must end in .html.")
+    check_writable(output)
+    dataset = _read_result(result)
+    with _writing(output):
+        write_report(dataset, output)
+    _say(f"{output} written ({output.stat().st_size / 1e6:.1f} MB); open it in a browser")
+
+
+@app.command(epilog=EXIT_CODES)
+@_guarded
+def animate(
+    result: ResultPath,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Film (mp4, gif); default: <result>.mp4")
+    ] = None,
+    fps: Annotated[
+        float | None, typer.Option(help="Pictures per second of film; default 25, for a GIF 10.")
+    ] = None,
+    speed: Annotated[float, typer.Option(help="Simulated seconds per second of film.")] = 1.0,
+) -> None:
+    """Write a result as a film of the cable in space, with tensions and distances beside it."""
+    from cablesim import animation
+    from cablesim.batch import check_writable
+
+    output = Path(f"{result.stem}.mp4") if output is None else output
+    check_writable(output)
+    dataset = _read_result(result)
+    with _writing(output):
+        count = animation.animate(dataset, output, fps=fps, speed=speed)
+    _say(f"{output} written, {count} pictures")
 
 
 @app.command(epilog=EXIT_CODES)

@@ -1,0 +1,94 @@
+"""Fills the page of a report.
+
+Depends on: picture; works on the dataset of a run.
+"""
+
+from __future__ import annotations
+
+import json
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import xarray as xr
+
+from cablesim.picture import description, node_positions
+from cablesim.report.facts import Fact, key_facts
+from cablesim.report.payload import choose_thinning, payload
+
+SCRIPTS = ("run.js", "camera.js", "scene.js", "plot.js", "player.js", "viewer.js")
+"""The viewer, in the order in which its parts need one another."""
+
+
+def write_report(dataset: xr.Dataset, path: str | Path) -> None:
+    """Write a report of a run: one HTML file that needs nothing else.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Result of a run, with `position`.
+    path : path
+        File to write.
+
+    Raises
+    ------
+    PlotError
+        If the result holds no time, or no `position`.
+    OSError
+        If the file cannot be written.
+    """
+    Path(path).write_text(report_html(dataset), encoding="utf-8")
+
+
+def report_html(dataset: xr.Dataset) -> str:
+    """Text of the report that `write_report` writes.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Result of a run, with `position`.
+
+    Raises
+    ------
+    PlotError
+        If the result holds no time, or no `position`.
+    """
+    node_positions(dataset)  # refuses what cannot be drawn before anything is computed
+    thinning = choose_thinning(dataset)
+    attributes = {str(name): str(value) for name, value in dataset.attrs.items()}
+    return Template(_asset("template.html")).substitute(
+        title=escape(attributes.get("title", "cable")),
+        status=escape(attributes.get("status", "no status")),
+        status_class="good" if attributes.get("status") == "completed" else "bad",
+        message=escape(attributes.get("message", "")),
+        description=escape(description(dataset)),
+        facts="\n".join(map(_fact_html, key_facts(dataset))),
+        thinning=escape(thinning.note),
+        attributes="\n".join(_row_html(name, text) for name, text in attributes.items() if name != "case"),
+        case=escape(attributes.get("case") or "The file holds no case text."),
+        style=_asset("style.css"),
+        script="\n".join(map(_asset, SCRIPTS)),
+        payload=_script_safe(payload(dataset, thinning)),
+    )
+
+
+def _asset(name: str) -> str:
+    return files("cablesim.report").joinpath(name).read_text(encoding="utf-8")
+
+
+def _script_safe(data: dict[str, Any]) -> str:
+    """JSON in which no name can end the script element that holds it."""
+    return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _fact_html(fact: Fact) -> str:
+    numbers = " to ".join(f'<data value="{value!r}">{value:.4g}</data>' for value in fact.values)
+    number = f'<span class="number">{numbers} <span class="unit">{fact.unit}</span></span>'
+    detail = f'<span class="detail">{escape(fact.detail)}</span>'
+    return f"<div><dt>{escape(fact.label)}</dt><dd>{number} {detail}</dd></div>"
+
+
+def _row_html(name: str, text: str) -> str:
+    return f'<tr><th scope="row">{escape(name)}</th><td>{escape(text)}</td></tr>'
