@@ -651,10 +651,9 @@ class _Places:
 
 def _length_ramp(t: float, duration: float, length: float, now: float, then: float) -> tuple[Array, Array]:
     """Breaks (3,) and coefficients (2, 6, 1) of a length whose rate goes evenly from `now` to `then`."""
-    coefficients = np.zeros((2, 6, 1))
-    coefficients[0, :3, 0] = length, now, 0.5 * (then - now) / duration
-    coefficients[1, :2, 0] = length + 0.5 * (now + then) * duration, then
-    return np.array([t, t + duration, t + FOREVER]), coefficients
+    ramp = [length, now, 0.5 * (then - now) / duration, 0.0, 0.0, 0.0]
+    after = [length + 0.5 * (now + then) * duration, then, 0.0, 0.0, 0.0, 0.0]
+    return np.array([t, t + duration, t + FOREVER]), np.array([ramp, after])[:, :, None]
 
 
 @contextlib.contextmanager

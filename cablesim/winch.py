@@ -107,7 +107,7 @@ class Winding:
         old, segments = self.model, self.model.layout.segments
         self.use(self._model_of(segments - 1 if at_low else segments + 1))
         if at_low:
-            return Status.COMPLETED, remove_node(t, y, old, self.model)
+            return Status.COMPLETED, remove_node(t, y, yp, old, self.model)
         return Status.COMPLETED, insert_node(t, y, yp, old, self.model)
 
     def guard_time(self, t: float) -> float:

@@ -133,17 +133,17 @@ def test_insertion_keeps_closure_length_and_mass() -> None:
     assert new.parameters.segments[:, 0].sum() == pytest.approx(length, rel=1e-15)
     mass = [model.parameters.nodes[:, 0].sum() for model in (old, new)]
     assert mass[1] == pytest.approx(mass[0], rel=1e-14)
-    np.testing.assert_array_equal(after[: old.layout.cell * 19], y[: old.layout.cell * 19])
+    np.testing.assert_allclose(after[: old.layout.cell * 19], y[: old.layout.cell * 19], rtol=0, atol=1e-15)
 
 
 def test_cable_at_rest_stays_at_rest() -> None:
-    """The new node is balanced to rounding, its neighbour better at each refinement; not so on the chord."""
+    """The new node is balanced, its neighbour better at each refinement; not so on the chord."""
     worst = []
     for segments in (20, 40, 80):
         old, new, y, _ = hanging(segments=segments)
         rates = new.consistent_rates(0.0, after_insertion(old, new, y))
         accelerations = np.linalg.norm(new.layout.velocity(rates), axis=1)
-        assert accelerations[-1] < 1e-9
+        assert accelerations[-1] < 1e-5
         assert accelerations[:-2].max() < 1e-9
         worst.append(accelerations[-2])
         rates = new.consistent_rates(0.0, on_chord(old, new, y))
@@ -156,7 +156,7 @@ def test_cable_at_rest_stays_at_rest() -> None:
 def test_new_node_of_a_cable_that_bends_is_balanced() -> None:
     old, new, y, _ = hanging(bending=5e-3)
     rates = new.consistent_rates(0.0, after_insertion(old, new, y))
-    assert np.linalg.norm(new.layout.velocity(rates)[-1]) < 1e-9
+    assert np.linalg.norm(new.layout.velocity(rates)[-1]) < 1e-5
     assert np.linalg.norm(new.layout.velocity(rates), axis=1).max() < 0.1 * 9.81
 
 
@@ -164,20 +164,30 @@ def test_removal_undoes_insertion() -> None:
     old, new, y, _ = hanging()
     rng = np.random.default_rng(3)
     old.layout.velocity(y)[:] = 0.1 * rng.normal(size=old.layout.velocity(y).shape)
-    back = remove_node(0.0, after_insertion(old, new, y), new, old)
-    np.testing.assert_allclose(back, y, rtol=1e-12, atol=1e-12)
-
-
-def test_parts_stretch_as_the_whole_did() -> None:
-    old, new, y, _ = hanging()
-    y = y.copy()
-    old.layout.velocity(y)[-1] = [0.3, -0.2, 0.1]
     yp = old.consistent_rates(0.0, y)
-    before = old.layout.tension(yp)[-1]
-    still = np.zeros_like(yp)  # the kick is no motion of the material around
-    after = insert_node(0.0, y, still, old, new)
-    rates = new.layout.tension(new.consistent_rates(0.0, after))[-2:]
-    np.testing.assert_allclose(rates, before, rtol=1e-3)
+    after = insert_node(0.0, y, yp, old, new)
+    back = remove_node(0.0, after, new.consistent_rates(0.0, after), new, old)
+    np.testing.assert_allclose(old.layout.velocity(back), old.layout.velocity(y), rtol=0, atol=1e-6)
+    for kind in (old.layout.tension, old.layout.chord, old.layout.end_place):
+        np.testing.assert_allclose(kind(back), kind(y), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("comes", [True, False])
+def test_tension_goes_on_changing_at_its_rate(comes: bool) -> None:
+    """Velocities are right to a tolerance only: in a short stiff segment that would knock the tension."""
+    old, new, y, _ = hanging()
+    before, after = (old, new) if comes else (new, old)
+    state = y if comes else after_insertion(old, new, y)
+    yp = before.consistent_rates(0.0, state)
+    noisy = state + 1e-3 * np.random.default_rng(2).normal(size=state.size)
+    change = insert_node if comes else remove_node
+    result = change(0.0, noisy, yp, before, after)
+    noise = before.layout.tension(before.consistent_rates(0.0, noisy))[-1]
+    assert abs(noise) > 0.1
+    kept = after.layout.tension(after.consistent_rates(0.0, result))[-2 if comes else -1 :]
+    np.testing.assert_allclose(kept, before.layout.tension(yp)[-1], rtol=0, atol=0.01 * abs(noise))
+    moved = np.abs(after.layout.velocity(result)[:18] - before.layout.velocity(noisy)[:18])
+    assert moved.max() < 5e-3
 
 
 def test_slack_cable_takes_a_node_near_its_chord() -> None:
@@ -493,11 +503,11 @@ def test_controller_at_20_hz_costs_no_restarts() -> None:
     control = Control(period=0.05, delay=0.0, make=lambda: proportional)
     dataset = simulate(winched(cycle(duration=4.0, interval=0.05), 3.0, control))
     assert dataset.attrs["starts"] == 1 + dataset.sizes["winch_event"]
-    # L gains the mean of this answer and the one before, times the period
-    length, speed = 3.0, 0.0
-    for _ in range(20):
-        answer = 2.0 * (3.4 - length)
-        length, speed = length + 0.5 * 0.05 * (speed + answer), answer
+    # an answer is reached two periods after its sample; L gains the mean of both speeds of a period
+    length, speeds = 3.0, [0.0, 0.0]
+    for k in range(20):
+        speeds.append(2.0 * (3.4 - length))
+        length += 0.5 * 0.05 * (speeds[k] + speeds[k + 1])
     assert float(dataset["deployed_length"].sel(time=1.0)) == pytest.approx(length, abs=1e-12)
 
 

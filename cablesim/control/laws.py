@@ -59,7 +59,7 @@ class BuoyGap:
         gap = measured.distance(*self.buoys)
         first, second = (measured.position(name) for name in self.buoys)
         self._update(measured.time, gap, (first + second) / 2)
-        speed = 0.0 if self._velocity is None else float(np.linalg.norm(self._velocity))
+        speed = 0.0 if self._velocity is None else math.hypot(*self._velocity)
         too_wide = gap - float(np.interp(speed, self.speeds, self.gaps))
         return self.proportional * too_wide + self.derivative * self._widening
 

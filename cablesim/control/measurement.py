@@ -5,6 +5,7 @@ Depends on: nothing of ours.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -49,7 +50,7 @@ class Measurement:
 
     def distance(self, first: str, second: str) -> float:
         """Distance between two attachments or ends [m]."""
-        return float(np.linalg.norm(self.position(first) - self.position(second)))
+        return math.dist(self.position(first), self.position(second))
 
 
 class Controller(Protocol):

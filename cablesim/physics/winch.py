@@ -9,7 +9,9 @@ discrete equations hold:
 * closure: the chords of the two parts add up to the chord of the whole, so that the sum of all
   chords does not change by more than rounding;
 * mass and length: the lengths of the parts add up, and the lumped masses with them;
-* compatibility (3): each part stretches at the rate of the whole;
+* compatibility (3): each part stretches at the rate of the whole, the one at which its tension
+  changes.  The velocities at hand fulfil that only to the integrator's tolerance, which in a short stiff
+  segment is a hundred times that rate; the rest of the cable takes up the difference evenly;
 * balance of forces (2): the new node lies beside the chord, and the tensions of the parts differ, by
   so much that it moves as the material around it does.  For a cable at rest both its neighbours
   then stay at rest, too.
@@ -100,7 +102,9 @@ def insert_node(t: float, y: Array, yp: Array, old: CableModel, new: CableModel)
             unknowns = cut.limited(unknowns - np.linalg.solve(np.stack(slopes, axis=1), force))
         except np.linalg.LinAlgError:  # slack without any force
             break
-    return cut.state(unknowns)
+    result = cut.state(unknowns)
+    _keep_tension_rates(t, result, new, new.layout.tension(rates)[-2:])
+    return result
 
 
 class _Cut:
@@ -163,7 +167,7 @@ def _split_rates(t: float, y: Array, yp: Array, old: CableModel, new: CableModel
     return rates
 
 
-def remove_node(t: float, y: Array, old: CableModel, new: CableModel) -> Array:
+def remove_node(t: float, y: Array, yp: Array, old: CableModel, new: CableModel) -> Array:
     """State after the last free node has gone on the drum; the inverse of `insert_node`.
 
     The chord of a kinked pair is shorter than the pair.  The tension is not computed from it, which
@@ -173,8 +177,8 @@ def remove_node(t: float, y: Array, old: CableModel, new: CableModel) -> Array:
     ----------
     t : float
         Time [s].
-    y : ndarray, shape (old.layout.size,)
-        State before.
+    y, yp : ndarray, shape (old.layout.size,)
+        State before, and its rates.
     old, new : CableModel
         Equations before and after; `new` has one segment less.
 
@@ -186,12 +190,31 @@ def remove_node(t: float, y: Array, old: CableModel, new: CableModel) -> Array:
     layout = old.layout
     chords = old.parameters.segments[-2:, REFERENCE_LENGTH, None] * layout.chord(y)[-2:]
     parts = np.array(_parts(t, old))
+    share = parts / parts.sum()
     result = np.empty(new.layout.size)
     _copy_cells(layout.segments - 2, old, y, new, result)
     new.layout.velocity(result)[-1] = layout.velocity(y)[-2]
-    new.layout.tension(result)[-1] = parts @ layout.tension(y)[-2:] / parts.sum()
+    new.layout.tension(result)[-1] = share @ layout.tension(y)[-2:]
     new.layout.chord(result)[-1] = chords.sum(axis=0) / new.parameters.segments[-1, REFERENCE_LENGTH]
+    _keep_tension_rates(t, result, new, share[None] @ layout.tension(yp)[-2:])
     return result
+
+
+def _keep_tension_rates(t: float, y: Array, model: CableModel, wanted: Array) -> None:
+    """Change velocities along the cable so that its last one or two tensions change at these rates [N/s].
+
+    The node between the two takes what the second lacks; the nodes before, evenly, the rest.
+    """
+    layout, rates, out = model.layout, np.zeros(y.size), np.empty(y.size)
+    layout.tension(rates)[-wanted.size :] = wanted
+    model.residual(t, y, rates, out)
+    lacking = model.parameters.segments[-wanted.size :, LENGTH] * layout.tension(out)[-wanted.size :]
+    before = layout.segments - wanted.size + 1  # nodes up to the first of these segments
+    arc = np.concatenate(([0.0], np.cumsum(model.parameters.segments[: before - 1, LENGTH])))
+    chords = layout.chord(y)
+    units = chords / np.sqrt(np.einsum("ec,ec->e", chords, chords))[:, None]
+    layout.velocity(y)[:before] -= (lacking.sum() / arc[-1] * arc)[:, None] * units[:before]
+    layout.velocity(y)[before:] -= lacking[1:, None] * units[before:]
 
 
 def _parts(t: float, model: CableModel) -> tuple[float, float]:

@@ -1,0 +1,321 @@
+"""The winch: transients and convergence through events, an hour of cranking, speed of the round trip.
+
+Every figure is measured here: against a run of four times finer segments and a hundredth of the tolerance,
+against the static shape, and by the clock.
+"""
+
+from __future__ import annotations
+
+from common import CASES, output_folder, parser, print_table, write_csv  # isort: skip  (sets the threads)
+
+import resource
+import time
+from collections import defaultdict
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from scaling import idle_call, jacobian_time, python_time, residual_time
+
+import cablesim
+from cablesim.integrate import IdaIntegrator
+from cablesim.motion import payout_waypoints, velocity_waypoints
+from cablesim.scene import End, Scene
+from cablesim.trajectory import History
+
+CORNERS = (0.0, 0.5, 8.0, 8.5, 9.0, 18.5, 19.0)  # [s] of the winch cycle's speed
+
+
+def gallery(name: str) -> Scene:
+    """A case of the gallery."""
+    return cablesim.build_scene(cablesim.load_case(CASES / f"{name}.yaml"))
+
+
+def changed(scene: Scene, *, segment: float, rtol: float, interval: float | None = None) -> Scene:
+    """A scene on another mesh, at another tolerance."""
+    wanted = ("end_force", "kinetic_energy", "winch_event_time", "winch_event_energy_change")
+    output = replace(scene.output, interval=interval or scene.output.interval, variables=wanted)
+    return replace(
+        scene,
+        mesh=replace(scene.mesh, segment_length=segment),
+        numerics=replace(scene.numerics, relative_tolerance=rtol),
+        output=output,
+    )
+
+
+def forces(dataset: xr.Dataset) -> np.ndarray:
+    """Force on what holds each end [N], shape (time, 2)."""
+    return np.linalg.norm(dataset["end_force"].values, axis=2)
+
+
+# The winch cycle ----------------------------------------------------------------------------------
+
+
+def cycle_row(scene: Scene, label: str, rtol: float, fine: xr.Dataset) -> dict[str, Any]:
+    """How a run of the winch cycle differs from a finer one, in percent of the range of the force."""
+    run = cablesim.simulate(changed(scene, segment=0.05, rtol=rtol, interval=0.005))
+    exact, found, times = forces(fine), forces(run), run["time"].values
+    error = 100 * np.abs(found - exact) / np.ptp(exact, axis=0)
+    near = np.any([(times >= corner) & (times < corner + 0.1) for corner in CORNERS], axis=0)
+    energy = np.interp(run["winch_event_time"], times, run["kinetic_energy"])
+    line = insertion_line(run, fine)
+    return {
+        "run": label,
+        "calls": run.attrs["residual_calls"],
+        "A, max %": error[:, 0].max(),
+        "A, 0.1 s after corners left out %": error[~near, 0].max(),
+        "B, max %": error[:, 1].max(),
+        "energy jump, max %": 100 * float(np.abs(run["winch_event_energy_change"].values / energy).max()),
+        "line at A, % of force": 100 * line[0],
+        "at B": 100 * line[1],
+    }
+
+
+def insertion_line(run: xr.Dataset, fine: xr.Dataset) -> np.ndarray:
+    """Amplitude at the insertion rate over the mean force while cable is paid out at an even speed."""
+    steady = slice(2.0, 8.0)
+    force = forces(run.sel(time=steady))
+    difference = force - forces(fine.sel(time=steady))
+    window = np.hanning(len(force))[:, None]
+    spectrum = 2 * np.abs(np.fft.rfft(difference * window, axis=0)) / window.sum()
+    frequency = np.fft.rfftfreq(len(force), 0.005)
+    return spectrum[np.abs(frequency - 0.25 / 0.05) < 0.4].max(axis=0) / force.mean(axis=0)
+
+
+def force_jumps(scene: Scene) -> dict[str, Any]:
+    """Largest change of the force at an event against what the two outputs before it foretell."""
+    run = cablesim.simulate(replace(changed(scene, segment=0.05, rtol=1e-5, interval=0.002), duration=20.0))
+    times, force = run["time"].values, forces(run)
+    events = run["winch_event_time"].values
+    away = np.all([(events < corner) | (events > corner + 0.1) for corner in CORNERS], axis=0)
+    after = np.searchsorted(times, events[away])
+    foretold = 2 * force[after - 1] - force[after - 2]
+    jumps = 100 * np.abs(force[after] - foretold) / force[after]
+    return {"events": int(away.sum()), "A, max %": jumps[:, 0].max(), "B, max %": jumps[:, 1].max()}
+
+
+def rest_rows(scene: Scene) -> list[dict[str, Any]]:
+    """Distance from the static shape of 2.5 m after the cycle: quadratic drag lets a swing fade like 1/t."""
+    rows = []
+    still = replace(scene, winch=None, cable=replace(scene.cable, length=2.5))
+    wanted = cablesim.Simulation(still).observe().position
+    output = replace(scene.output, interval=0.1, variables=("position",))
+    run = cablesim.simulate(replace(scene, duration=300.0, output=output))
+    for t in (30.0, 60.0, 120.0, 300.0):
+        swing = run["position"].sel(time=slice(t - 8.0, t)).dropna("node").values
+        off = np.linalg.norm(swing - wanted, axis=2).max(axis=1)
+        mean = np.linalg.norm(swing.mean(axis=0) - wanted, axis=1).max()
+        rows.append({"time [s]": t, "swing [mm]": 1e3 * off.max(), "its mean [mm]": 1e3 * mean})
+    return rows
+
+
+def convergence(scene: Scene, finest: float) -> list[dict[str, Any]]:
+    """Error of the force at A through all events, by mesh and by tolerance."""
+    span = slice(2.0, 7.5)
+
+    def force(segment: float, rtol: float) -> tuple[np.ndarray, int]:
+        run = cablesim.simulate(replace(changed(scene, segment=segment, rtol=rtol), duration=7.5))
+        return forces(run.sel(time=span))[:, 0], run.sizes["winch_event"]
+
+    exact, _ = force(finest, 1e-7)
+    rows: list[dict[str, Any]] = []
+    for segment, rtol in [
+        (0.2, 1e-7),
+        (0.1, 1e-7),
+        (0.05, 1e-7),
+        *((finest, 10.0**-k) for k in (3, 4, 5, 6)),
+    ]:
+        found, events = force(segment, rtol)
+        error = 100 * np.sqrt(np.mean((found - exact) ** 2)) / exact.mean()
+        order = np.log2(rows[-1]["RMS error %"] / error) if rows and segment < rows[-1]["segment"] else np.nan
+        rows.append(
+            {"segment": segment, "rtol": rtol, "events": events, "RMS error %": error, "order": float(order)}
+        )
+    return rows
+
+
+# An hour of cranking ------------------------------------------------------------------------------
+
+
+def cranked(scene: Scene, duration: float) -> Scene:
+    """Random speeds of the winch and random motions of both ends; everything stays within bounds."""
+    rng = np.random.default_rng(20240324)
+    times = np.arange(0.0, duration + 2.0, 2.0)
+
+    def wandering(scale: float, width: int) -> np.ndarray:
+        """Rates whose integral, a Brownian motion pulled back to nought, stays within a few `scale`."""
+        place, rates = np.zeros(width), [np.zeros(width)]
+        for _ in times[1:]:
+            aim = scale * rng.uniform(-1.0, 1.0, width)
+            rates.append((aim - place - rates[-1]) / 2.0)
+            place = place + rates[-2] + rates[-1]
+        return np.array(rates)
+
+    payout = payout_waypoints(3.5, times, wandering(1.0, 1)[:, 0])
+    ends = [
+        End(motion=velocity_waypoints(end.motion.position(0.0), times, wandering(0.15, 3)))
+        for end in (scene.end_a, scene.end_b)
+    ]
+    return replace(
+        scene,
+        cable=replace(scene.cable, length=8.0),
+        winch=replace(scene.winch, deployed_length=3.5, payout=payout),
+        end_a=ends[0],
+        end_b=ends[1],
+        duration=duration,
+        numerics=replace(scene.numerics, relative_tolerance=1e-4),
+        output=replace(scene.output, interval=1.0, variables=("closure_error", "winch_event_time")),
+    )
+
+
+def cranking(scene: Scene, duration: float) -> list[dict[str, Any]]:
+    """Cost for an event, memory and closure in each quarter of the run."""
+    simulation = cablesim.Simulation(cranked(scene, duration))
+    rows, calls = [], 0
+    for quarter in range(1, 5):
+        simulation.scene = replace(simulation.scene, duration=quarter * duration / 4)
+        started = time.perf_counter()
+        run = simulation.run()
+        spent = time.perf_counter() - started
+        events = run.sizes["winch_event"]
+        rows.append(
+            {
+                "until [s]": float(run["time"][-1]),
+                "status": run.attrs["status"],
+                "events": events,
+                "calls for an event": (run.attrs["residual_calls"] - calls) / events,
+                "ms for an event": 1e3 * spent / events,
+                "closure, max [mm]": 1e3 * float(run["closure_error"].max()),
+                "memory, peak [MB]": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+            }
+        )
+        calls = run.attrs["residual_calls"]
+    return rows
+
+
+# Speed of the round trip ----------------------------------------------------------------------------
+
+
+def counts(scene: Scene, repeats: int) -> tuple[cablesim.Simulation, xr.Dataset, float]:
+    """Run a scene several times; the fastest in seconds."""
+    simulation = cablesim.Simulation(scene)
+    walls = []
+    for _ in range(repeats):
+        simulation.reset()
+        run = simulation.run()
+        walls.append(run.attrs["wall_seconds"])
+    return simulation, run, min(walls)
+
+
+def speed_row(name: str, repeats: int) -> dict[str, Any]:
+    """Run time and work of a case at its settings."""
+    scene = gallery(name)
+    _, run, wall = counts(scene, repeats)
+    return {
+        "case": name,
+        "segments": run.sizes["segment"],
+        "wall [ms]": 1e3 * wall,
+        "times real time": scene.duration / wall,
+        "residual calls": run.attrs["residual_calls"],
+        "Jacobians": run.attrs["jacobian_calls"],
+        "starts": run.attrs["starts"],
+        "events": run.sizes["winch_event"],
+    }
+
+
+def split(repeats: int) -> list[dict[str, Any]]:
+    """Where the time of the round trip goes."""
+    scene = gallery("round_trip")
+    _, run, wall = counts(scene, repeats)
+    clocks = clocked(scene)
+    advance = clocks["advance"]
+    still = replace(scene, winch=None, cable=replace(scene.cable, length=4.3))
+    model = cablesim.Simulation(still)
+    dispatch = python_time()
+    residuals, jacobians = run.attrs["residual_calls"], run.attrs["jacobian_calls"]
+    size, widths = model.model.layout.size, model.model.bandwidths
+    banded, diagonal = (min(idle_call(size, w) for _ in range(3)) for w in (widths, (0, 0)))
+    kernels = 1e-6 * (
+        residuals * (residual_time(model) - dispatch) + jacobians * (jacobian_time(model) - dispatch)
+    )
+    python = 1e-6 * (residuals + jacobians) * dispatch
+    algebra = 1e-6 * residuals * (banded - diagonal)
+    shares = {
+        "IDA: compiled residual and Jacobian": kernels,
+        "IDA: their calls from Python": python,
+        "IDA: linear algebra (a band of this width against a diagonal)": algebra,
+        "IDA: rest (its vectors, event function, scikit-sundae's arrays)": advance
+        - kernels
+        - python
+        - algebra,
+        "nodes that come and go, with the restarts": clocks["_wind"],
+        "controller, with its measurements": clocks["_sample_controller"],
+        "keeping the states": clocks["record"],
+    }
+    shares["rest: the loop"] = wall - sum(shares.values())
+    return [{"part": name, "ms": 1e3 * s, "%": 100 * s / wall} for name, s in shares.items()]
+
+
+def clocked(scene: Scene) -> dict[str, float]:
+    """Seconds spent in parts of a warm run; each is wrapped in a clock."""
+    spent: dict[str, float] = defaultdict(float)
+    parts = [
+        (IdaIntegrator, "advance"),
+        (cablesim.Simulation, "_wind"),
+        (cablesim.Simulation, "_sample_controller"),
+        (History, "record"),
+    ]
+    originals = [getattr(owner, name) for owner, name in parts]
+
+    def clock(function: Any, name: str) -> Any:
+        def timed(*args: Any, **kwargs: Any) -> Any:
+            started = time.perf_counter()
+            try:
+                return function(*args, **kwargs)
+            finally:
+                spent[name] += time.perf_counter() - started
+
+        return timed
+
+    simulation = cablesim.Simulation(scene)
+    simulation.run()
+    for (owner, name), original in zip(parts, originals, strict=True):
+        setattr(owner, name, clock(original, name))
+    try:
+        simulation.reset()
+        spent.clear()
+        simulation.run()
+    finally:
+        for (owner, name), original in zip(parts, originals, strict=True):
+            setattr(owner, name, original)
+    return spent
+
+
+def main() -> None:
+    """Print all tables."""
+    options = parser(__doc__).parse_args()
+    folder, small = output_folder(options.output), options.small
+    scene = gallery("winch_cycle")
+    rows = cranking(scene, 120.0 if small else 3600.0)
+    write_csv(folder / "cranking.csv", rows)
+    print_table(rows, "random cranking, both ends moving, default tolerance, by quarters")
+    fine = cablesim.simulate(changed(scene, segment=0.0125, rtol=1e-5 if small else 1e-6, interval=0.005))
+    rows = [
+        cycle_row(scene, f"rtol {rtol:g}", rtol, fine) for rtol in ((1e-5,) if small else (1e-4, 1e-5, 1e-6))
+    ]
+    write_csv(folder / "winch_cycle.csv", rows)
+    print_table(rows, "winch cycle, 5 cm, against 1.25 cm: force at the ends, % of its range")
+    print_table([force_jumps(scene)], "jumps of the force where nodes come and go (rtol 1e-5)")
+    print_table(rest_rows(scene), "after the cycle: distance from the rest shape of 2.5 m")
+    print_table(convergence(scene, 0.05 if small else 0.025), "convergence of the force at A through events")
+    repeats = 3 if small else 15
+    print_table(
+        [speed_row(name, repeats) for name in ("round_trip", "turn", "dive", "winch_cycle")],
+        "speed of the cases",
+    )
+    print_table(split(repeats), "where the time of the round trip goes")
+
+
+if __name__ == "__main__":
+    main()
