@@ -464,9 +464,24 @@ def _mesh_rows(simulation: Simulation) -> dict[str, str]:
     return {
         "cable": f"{scene.cable.length:g} m in {lengths.size} segments of {_range(lengths, 'm')}",
         "attachments": bodies or "none",
-        "unknowns": f"{simulation.model.layout.size}",
+        "winch": _winch_text(scene),
+        "unknowns": f"{simulation.model.layout.size}{' at the start' if scene.winch else ''}",
         "run": f"{scene.duration:g} s, a state kept every {scene.output.interval:g} s ({states} states)",
     }
+
+
+def _winch_text(scene: Scene) -> str:
+    """What is out at the start and who says what goes in and out."""
+    from cablesim.scene import Control
+
+    if scene.winch is None:
+        return "none"
+    payout = scene.winch.payout
+    if isinstance(payout, Control):
+        driver = f"a controller every {payout.period:g} s"
+    else:
+        driver = f"a program of up to {payout.speed_limit(scene.duration):.3g} m/s"
+    return f"{scene.winch.deployed_length:g} m out at the start; driven by {driver}"
 
 
 def _needs_rows(simulation: Simulation) -> dict[str, str]:
@@ -516,10 +531,11 @@ def _scale_rows(simulation: Simulation) -> dict[str, str]:
 
 
 def _rest_rows(simulation: Simulation, rest: xr.Dataset) -> dict[str, str]:
-    position, initial = rest["position"].values[0], simulation.initial
+    initial = simulation.initial
+    position = rest["position"].isel(time=0).dropna("node").values
     lowest = int(position[:, 2].argmin())
     place = ", ".join(f"{value:.4g}" for value in position[lowest])
-    tension = rest["tension"].values[0]
+    tension = rest["tension"].isel(time=0).dropna("segment").values
     return {
         "found by": f"{initial.rung.value}, {initial.iterations} Newton iterations",
         "force left on a node": f"{initial.residual:.2g} N",
