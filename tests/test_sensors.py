@@ -497,6 +497,13 @@ def test_heading_drifts_and_tilt_does_not(at_rest):
     assert {-1.0, 1.0} == set(np.sign(turned[-1, :, 2]))
 
 
+def test_errors_leave_what_is_on_the_drum_unknown(swinging_winch):
+    exact = signals(swinging_winch, {"out": 0.8, "leaves": 1.2})
+    read = add_errors(exact, "bmx160", 1)
+    for name in exact.data_vars:
+        np.testing.assert_array_equal(np.isnan(read[name]), np.isnan(exact[name]))
+
+
 def test_preset_has_the_data_sheets_noise(at_rest):
     read = add_errors(at_rest, "bmx160", 10)
     deviation = read.specific_force.std("time").values / 9.80665

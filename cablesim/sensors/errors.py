@@ -1,6 +1,6 @@
 """What real inertial sensors do wrong, added to exact signals: seeded, and off unless asked for.
 
-Depends on: interpolation (for its exception); works on datasets of sensor signals.
+Depends on: interpolation (for its exception), rotations; works on datasets of sensor signals.
 
 Each axis of each sensor reads
 
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from cablesim.sensors.interpolation import SensorError
+from cablesim.sensors.rotations import about, multiply, turn
 
 Array = NDArray[np.float64]
 
@@ -206,16 +207,8 @@ def _report_orientation(
     orientation: Array, times: Array, errors: OrientationErrors, random: np.random.Generator
 ) -> Array:
     """Quaternions (q, m, 4) with a heading that drifts and a little noise."""
-    sensors = orientation.shape[1]
-    rates = errors.heading_drift * random.choice([-1.0, 1.0], sensors)
-    drift = np.zeros((*orientation.shape[:2], 3))
-    drift[..., 2] = (times - times[0])[:, None] * rates
-    noise = np.array(errors.noise * random.standard_normal(drift.shape))
-    reported = (
-        Rotation.from_rotvec(drift.reshape(-1, 3))
-        * Rotation.from_quat(orientation.reshape(-1, 4))
-        * Rotation.from_rotvec(noise.reshape(-1, 3))
-    )
-    quaternions = reported.as_quat().reshape(orientation.shape)
-    same_side = np.einsum("tmc,tmc->tm", quaternions, orientation) >= 0.0
-    return np.where(same_side[..., None], quaternions, -quaternions)
+    shape = orientation.shape[:2]
+    rates = errors.heading_drift * random.choice([-1.0, 1.0], shape[1])
+    drift = about(2, (times - times[0])[:, None] * rates)
+    noise = turn(np.array(errors.noise * random.standard_normal((3, *shape))))
+    return np.moveaxis(multiply(multiply(drift, np.moveaxis(orientation, -1, 0)), noise), 0, -1)

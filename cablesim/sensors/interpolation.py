@@ -217,6 +217,13 @@ def _near_winch(nodes: Nodes, node: int, points: Array) -> Array:
     return np.where(points > deployed, np.nan, motion)
 
 
+def linear_along(s: Array, values: Array, points: Array) -> Array:
+    """Values (k, m, ...) at points (m,), linear between places s (n,) with values (k, n, ...)."""
+    j = np.clip(np.searchsorted(s, points, side="right") - 1, 0, s.size - 2)
+    share = ((points - s[j]) / (s[j + 1] - s[j])).reshape((-1,) + (1,) * (values.ndim - 2))
+    return (1.0 - share) * values[:, j] + share * values[:, j + 1]
+
+
 # In time ----------------------------------------------------------------------------------------
 
 

@@ -3,7 +3,8 @@
 Depends on: nothing of ours.
 
 Components come first, (3, ...) and (4, ...) with the scalar last, so that each is contiguous.  Products of
-many rotations are ten times as fast here as in `scipy.spatial.transform`, whose conventions these are.
+many rotations are ten times as fast here as in `scipy.spatial.transform`, whose conventions these are, and
+what is not known (a sensor on the drum) stays NaN instead of being refused.
 """
 
 from __future__ import annotations
@@ -67,8 +68,18 @@ def about(axis: int, angle: Array) -> Array:
     return quaternion
 
 
+def turn(vector: Array) -> Array:
+    """Quaternions (4, ...) of rotations by rotation vectors (3, ...) [rad]."""
+    half = 0.5 * np.sqrt(dot(vector, vector))
+    return np.concatenate((0.5 * np.sinc(half / np.pi) * vector, np.cos(half)[None]))
+
+
+def rotate(quaternion: Array, vector: Array) -> Array:
+    """Vectors (3, ...) turned by rotations (4, ...)."""
+    twice = 2.0 * cross(quaternion[:3], vector)
+    return vector + quaternion[3] * twice + cross(quaternion[:3], twice)
+
+
 def rotate_back(quaternion: Array, vector: Array) -> Array:
     """Vectors (3, ...) turned by the inverse of rotations (4, ...)."""
-    imaginary = -quaternion[:3]
-    twice = 2.0 * cross(imaginary, vector)
-    return vector + quaternion[3] * twice + cross(imaginary, twice)
+    return rotate(np.concatenate((-quaternion[:3], quaternion[3:])), vector)
