@@ -1,12 +1,11 @@
 """Estimates from sensors, on shapes and motions known in closed form and on a run of the V-system."""
 
-import functools
-
 import numpy as np
 import pytest
 import xarray as xr
 from scipy.spatial.transform import Rotation
 from shapes import G, dataset, resting, turning
+from v_system import V_REST, v_run
 
 import cablesim
 from cablesim.scene import Imu
@@ -41,7 +40,6 @@ from cablesim.sensors import (
 
 PAPER = {"imu_1": 0.0, "imu_2": 0.3, "imu_3": 0.6, "imu_4": 0.9, "imu_5": 1.2}
 S = np.linspace(0.0, 1.2, 121)
-V_REST = cablesim.load_case("cases/v_rest.yaml")
 
 
 def signals(data, imus=PAPER, **options):
@@ -342,32 +340,6 @@ def test_lag_of_a_signal_that_follows(lag):
 
 
 # A run of the V-system --------------------------------------------------------------------------
-
-
-@functools.cache
-def v_run():
-    """Eight seconds of the V in which the vehicle leaves, turning."""
-    data = V_REST.model_dump(mode="json", exclude_none=True)
-    data["ends"]["a"] = {
-        "motion": "rov_waypoints",
-        "position": [0, 0, -2],
-        "heading": np.pi,
-        "channels": ["surge", "yaw"],
-        "waypoints": [[0, 0, 0], [1, 0.2, -0.2], [4, 0.2, -0.2], [5, 0, 0], [8, 0, 0]],
-    }
-    guess = [
-        [0, 0, -2],
-        [0.6, 0, -1.75],
-        [1.05, 0, -1.9],
-        [1.2, 0, -2.5],
-        [1.35, 0, -1.9],
-        [1.9, 0, -1.5],
-        [2.6, 0, -2],
-    ]
-    data["initial"] = {"shape": "equilibrium", "through": guess}
-    data["simulation"]["duration"] = 8.0
-    data["output"]["interval"] = 0.05
-    return cablesim.simulate(cablesim.Case.from_dict(data))
 
 
 @pytest.fixture(scope="module")

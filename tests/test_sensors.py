@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from shapes import dataset as make_dataset
 from shapes import helix, pendulum, resting, turning
+from v_system import V_REST
 
 import cablesim
 from cablesim.scene import Imu
@@ -22,10 +23,10 @@ from cablesim.sensors import (
     OrientationErrors,
     SensorError,
     add_errors,
+    calibrated,
     export_imu_csv,
     imu_signals,
     read_imu_csv,
-    without_offsets,
 )
 from cablesim.sensors.interpolation import follow_points, read_nodes
 from cablesim.trajectory import local_basis
@@ -305,7 +306,7 @@ def test_stiff_taut_rope_in_vacuum_is_a_pendulum():
 
 
 def test_sensors_of_the_case_are_found_with_their_mountings():
-    text = cablesim.load_case("cases/v_rest.yaml").to_yaml()
+    text = V_REST.to_yaml()
     turned = text.replace("name: imu_2\n", "name: imu_2\n  mounting: {rotation_vector: [0.1, 0.2, 0.3]}\n")
     data = resting(np.linspace(0.0, 4.0, 81), np.linspace(0.0, 4.0, 81)[:, None] * [1.0, 0.0, 0.0])
     data.attrs["case"] = turned
@@ -512,7 +513,8 @@ def test_preset_has_the_data_sheets_noise(at_rest):
     np.testing.assert_allclose(deviation, 0.007 * np.sqrt(50.0), rtol=0.05)
     step = read.magnetic_field.values / 0.3e-6
     np.testing.assert_allclose(step, np.round(step), atol=1e-6)
-    assert without_offsets(BMX160).accelerometer == replace(BMX160.accelerometer, bias=0.0)
+    expected = replace(BMX160.accelerometer, bias=0.004 * 9.80665, scale=0.001, misalignment=0.001)
+    assert calibrated(BMX160, 0.1).accelerometer == expected
     assert read.attrs["errors"] == "bmx160"
 
 

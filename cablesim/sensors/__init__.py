@@ -8,7 +8,7 @@ from cablesim.sensors.errors import AxisErrors as AxisErrors
 from cablesim.sensors.errors import ImuErrors as ImuErrors
 from cablesim.sensors.errors import OrientationErrors as OrientationErrors
 from cablesim.sensors.errors import add_errors as add_errors
-from cablesim.sensors.errors import without_offsets as without_offsets
+from cablesim.sensors.errors import calibrated as calibrated
 from cablesim.sensors.estimators import angle_curvature as angle_curvature
 from cablesim.sensors.estimators import pair_curvature as pair_curvature
 from cablesim.sensors.estimators import rigid_arm_distance as rigid_arm_distance

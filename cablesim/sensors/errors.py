@@ -129,13 +129,20 @@ as known, the others marked.  Its gyroscope's and accelerometer's offsets are th
 PRESETS = {"bmx160": BMX160}
 
 
-def without_offsets(errors: ImuErrors) -> ImuErrors:
-    """The same errors after a calibration at rest: no constant bias of gyroscope and accelerometer."""
+def calibrated(errors: ImuErrors, left: float = 0.1) -> ImuErrors:
+    """The same sensors after a calibration: a part of constant bias, scale and misalignment is left."""
+
+    def better(part: AxisErrors) -> AxisErrors:
+        return replace(
+            part, bias=left * part.bias, scale=left * part.scale, misalignment=left * part.misalignment
+        )
+
     return replace(
         errors,
-        gyroscope=replace(errors.gyroscope, bias=0.0),
-        accelerometer=replace(errors.accelerometer, bias=0.0),
-        name=f"{errors.name} without offsets",
+        gyroscope=better(errors.gyroscope),
+        accelerometer=better(errors.accelerometer),
+        magnetometer=better(errors.magnetometer),
+        name=f"{errors.name} calibrated to {left:g}",
     )
 
 
