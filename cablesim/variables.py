@@ -41,7 +41,9 @@ VARIABLES: dict[str, Variable] = {
     "velocity_normal": Variable(_NODE, "m s-1", "normal velocity V_n"),
     "velocity_binormal": Variable(_NODE, "m s-1", "binormal velocity V_b"),
     "end_force": Variable(("time", "end", "axis"), "N", "force of the cable on what holds its ends"),
-    "end_tension": Variable(("time", "end"), "N", "tangential internal force T_t of the end segments, at a winch in its outlet"),
+    "end_tension": Variable(
+        ("time", "end"), "N", "tangential internal force T_t of the end segments, at a winch in its outlet"
+    ),
     "attachment_position": Variable(
         ("time", "attachment", "axis"),
         "m",

@@ -287,7 +287,7 @@ def test_force_on_a_v_that_moves_without_turning():
     drag += 0.01 * np.pi * np.linalg.norm(along_v, axis=1, keepdims=True) * along_v
     expected += 1.2 * (12.57e-3 * a + 1000.0 * section * (a - along_a) + 500.0 * 4e-3 * drag)
     np.testing.assert_allclose(found.force, expected, atol=2e-5)
-    np.testing.assert_allclose(found.difference, expected @ direction, atol=2e-5)
+    np.testing.assert_allclose(found.pull, expected @ direction, atol=2e-5)
 
 
 def test_offsets_of_accelerometers_are_found_at_rest():
@@ -373,8 +373,11 @@ def test_outer_force_of_a_run(run):
     read = imu_signals(run, rate=50.0)
     found, truth = outer_force(read), true_outer_force(run, 1.0, 2.2, read.time)
     assert np.sqrt(((found.force - truth) ** 2).mean()) < 0.02 * np.abs(truth).max()
-    difference = true_tension(run, 2.2, "b", read.time) - true_tension(run, 1.0, "a", read.time)
-    assert agreement_of_sign(found.difference, difference, 0.02) > 0.99
+    line = np.diff(true_places(run, [1.0, 2.2], read.time), axis=1)[:, 0]
+    pull = np.einsum("tc,tc->t", truth, line) / np.linalg.norm(line, axis=1)
+    assert np.abs(pull).max() > 0.03
+    assert agreement_of_sign(found.pull, pull, 0.005) > 0.99
+    assert true_tension(run, 1.0, "a", read.time).max() > true_tension(run, 1.0, "a", [0.0])[0] + 0.03
 
 
 def test_turning_of_the_v(run):

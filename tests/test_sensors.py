@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from shapes import dataset as make_dataset
 from shapes import helix, pendulum, resting, turning
-from v_system import V_REST
+from v_system import V_REST, winch_run
 
 import cablesim
 from cablesim.scene import Imu
@@ -417,6 +417,25 @@ def test_frame_does_not_turn_about_the_cable_at_the_outlet_of_a_winch(swinging_w
     """A straight cable: the spin is nought at the winch, so it is nought at the sensor."""
     read = signals(swinging_winch, {"out": 0.8})
     np.testing.assert_allclose(read.angular_velocity.sel(axis="x"), 0.0, atol=1e-7)
+
+
+def test_sensors_of_a_run_with_a_winch():
+    """The paper's round trip: the V stays out, a sensor leaves the drum, another stays on it."""
+    data = winch_run()
+    length = data.deployed_length.values
+    assert np.ptp(length) > 0.1
+    leaves = float(0.5 * (length.min() + length.max()))
+    read = imu_signals(data, {"v": 1.1, "leaves": leaves, "stays": 7.5}, rate=200.0)
+    there = np.isfinite(read.orientation.values).all(axis=-1)
+    out = np.interp(read.time, data.time, length) > leaves
+    assert there[:, 0].all()
+    assert not there[:, 2].any()
+    assert (there[:, 1] != out).mean() < 0.05
+    assert gyroscope_drift(read.isel(imu=[0]))[0] < 0.1
+    force = np.linalg.norm(read.specific_force.values[there], axis=-1)
+    assert np.abs(force - G).max() < 0.5
+    every = imu_signals(data, {"v": 1.1}, rate=200.0)  # far from the winch: all times at once
+    np.testing.assert_allclose(every.specific_force[:, 0], read.specific_force[:, 0], atol=1e-9)
 
 
 # Errors -----------------------------------------------------------------------------------------

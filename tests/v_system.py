@@ -7,7 +7,8 @@ import numpy as np
 
 import cablesim
 
-V_REST = cablesim.load_case(Path(__file__).parents[1] / "cases" / "v_rest.yaml")
+CASES = Path(__file__).parents[1] / "cases"
+V_REST = cablesim.load_case(CASES / "v_rest.yaml")
 
 
 @functools.cache
@@ -34,3 +35,12 @@ def v_run():
     data["simulation"]["duration"] = 8.0
     data["output"]["interval"] = 0.05
     return cablesim.simulate(cablesim.Case.from_dict(data))
+
+
+@functools.cache
+def winch_run():
+    """Six seconds of the paper's round trip, in which the winch pays out."""
+    case = cablesim.load_case(CASES / "round_trip.yaml")
+    data = case.model_dump(mode="json", exclude_none=True)
+    data["simulation"]["duration"] = 6.0
+    return cablesim.simulate(cablesim.Case.from_dict(data, directory=CASES))

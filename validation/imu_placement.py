@@ -1,10 +1,9 @@
 """How many sensors the V-system needs, and where: errors of layouts over manoeuvres of the vehicle.
 
-Runs the paper's round trip, turn and dive (cases/round_trip.yaml, turn.yaml, dive.yaml where they are there;
-else the V of cases/v_rest.yaml with a vehicle at A that makes these motions and a fixed outlet at B), puts
-virtual IMUs at candidate places every 2 cm, and compares layouts of 2 to 7 of them: exact ones, the paper's
-BMX160, and the same calibrated; then it moves the sensors to better places.  Prints a table, writes it as CSV
-for each run and draws one picture.
+Runs the paper's round trip, turn and dive (the short version the turn alone), puts virtual IMUs at candidate
+places every 2 cm, and compares layouts of 2 to 7 of them: exact ones, the paper's BMX160, and the same
+calibrated; then it moves the sensors to better places.  Prints a table, writes it as CSV for each run, draws
+a picture.
 """
 
 from __future__ import annotations
@@ -26,24 +25,7 @@ from cablesim.sensors.placement import (
     prepare_run,
 )
 
-# the paper's Table IV: channels and waypoints of the vehicle
-MANOEUVRES: dict[str, tuple[list[str], list[list[float]]]] = {
-    "round_trip": (
-        ["surge"],
-        [[0, 0], [2, 0.2], [4, 0.2], [6, 0], [12, 0], [14, -0.2], [16, -0.2], [18, 0], [24, 0]],
-    ),
-    "turn": (
-        ["surge", "yaw"],
-        [
-            *([0, 0, 0], [1, 0.2, 0], [2, 0.2, 0], [3, 0.2, -0.4], [6, 0.2, -0.4]),
-            *([7, 0.2, 0], [8, 0.2, 0], [10, 0, 0], [15, 0, 0]),
-        ],
-    ),
-    "dive": (
-        ["surge", "heave"],
-        [[0, 0, 0], [2, 0.2, 0], [4, 0.2, 0], [6, 0.2, -0.2], [8, 0.2, -0.2], [10, 0, 0], [15, 0, 0]],
-    ),
-}
+RUNS = ("round_trip", "turn", "dive")
 
 # fractions of an arm from the ballast, to both sides; 0 is the ballast, 1 a buoy
 LAYOUTS = {
@@ -59,32 +41,6 @@ LAYOUTS = {
     "7: spread": [0, 0.2, 0.5, 1],
 }
 STARTS = {2: [0.25], 3: [0, 0.3], 4: [0.2, 0.75], 5: [0, 0.25, 0.8], 6: [0.15, 0.5, 1], 7: [0, 0.2, 0.5, 1]}
-
-
-def manoeuvre(name: str) -> cablesim.Case:
-    """The case of that name, or the V at rest with the vehicle's motion and more cable."""
-    file = CASES / f"{name}.yaml"
-    if file.is_file():
-        return cablesim.load_case(file)
-    channels, waypoints = MANOEUVRES[name]
-    data = cablesim.load_case(CASES / "v_rest.yaml").model_dump(mode="json", exclude_none=True)
-    data["name"] = name
-    data["cable"]["length"] = 5.4
-    data["ends"] = {
-        "a": {
-            "motion": "rov_waypoints",
-            "position": [0, 0, -2],
-            "heading": np.pi,
-            "channels": channels,
-            "waypoints": waypoints,
-        },
-        "b": {"motion": "fixed", "position": [3.4, 0, -2]},
-    }
-    through = [[0, 0, -2], [0.6, 0, -1.75], [1.05, 0, -1.9], [1.2, 0, -2.5], [1.35, 0, -1.9], [1.9, 0, -1.5]]
-    data["initial"] = {"shape": "equilibrium", "through": [*through, [3.4, 0, -2]]}
-    data["simulation"]["duration"] = waypoints[-1][0]
-    data["output"]["interval"] = 0.05
-    return cablesim.Case.from_dict(data)
 
 
 def places(run: StudyRun, fractions: list[float]) -> np.ndarray:
@@ -128,10 +84,10 @@ def main() -> None:
     """Compare layouts, search better ones, draw."""
     options = parser(__doc__).parse_args()
     folder = output_folder(options.output)
-    names = ["turn"] if options.small else list(MANOEUVRES)
+    names = ("turn",) if options.small else RUNS
     runs = []
     for name in names:
-        trajectory = cablesim.simulate(manoeuvre(name))
+        trajectory = cablesim.simulate(cablesim.load_case(CASES / f"{name}.yaml"))
         print(f"{name}: {trajectory.attrs['status']}, {float(trajectory.time[-1]):g} s")
         runs.append(prepare_run(trajectory, step=0.05 if options.small else 0.02, rate=20.0))
     layouts = {name: places(runs[0], fractions) for name, fractions in LAYOUTS.items()}

@@ -15,7 +15,7 @@ Arrays have their components first, then stored times, then points.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -40,7 +40,7 @@ class Nodes:
     times : ndarray, shape (k,)
         Stored times [s].
     s : ndarray, shape (n+1,)
-        Material coordinates [m].
+        Material coordinates, the last one that of the end of the cable [m].
     motion : tuple of three ndarrays, shape (k, n+1, 3)
         Position, velocity and acceleration in the world frame; NaN on the drum.
     deployed : ndarray of float, shape (k,), or None
@@ -93,7 +93,7 @@ class PointMotion:
 
 
 def read_nodes(dataset: xr.Dataset) -> Nodes:
-    """Motion of the nodes of a run, as plain arrays.
+    """Motion of the nodes of a run, as plain arrays; nodes that never leave the drum are left out.
 
     Raises
     ------
@@ -107,8 +107,13 @@ def read_nodes(dataset: xr.Dataset) -> Nodes:
         dataset[name].transpose("time", "node", "axis").values
         for name in ("position", "velocity", "acceleration")
     )
-    deployed = dataset["deployed_length"].values if "deployed_length" in dataset else None
-    return Nodes(dataset["time"].values, dataset["s"].values, (position, velocity, acceleration), deployed)
+    nodes = Nodes(dataset["time"].values, dataset["s"].values, (position, velocity, acceleration), None)
+    if "deployed_length" not in dataset:
+        return nodes
+    nodes = replace(nodes, deployed=dataset["deployed_length"].values)
+    kept = np.append(np.arange(nodes.counts.max()), nodes.s.size - 1)
+    position, velocity, acceleration = (part[:, kept] for part in nodes.motion)
+    return replace(nodes, s=nodes.s[kept], motion=(position, velocity, acceleration))
 
 
 def follow_points(nodes: Nodes, s: ArrayLike) -> PointMotion:
@@ -136,8 +141,9 @@ def follow_points(nodes: Nodes, s: ArrayLike) -> PointMotion:
     if outside.size:
         raise SensorError(f"s = {outside[0]:g} m is not on the cable: give 0 to {length:g} m.")
     counts = nodes.counts
-    if np.ptp(counts) == 0:
-        return PointMotion(nodes.times, *_follow(nodes, int(counts[0]), points))
+    least = int(counts.min())
+    if np.ptp(counts) == 0 or (least > 2 and points.max(initial=0.0) < nodes.s[least - 2]):
+        return PointMotion(nodes.times, *_follow(nodes, least, points))
     motion = np.empty((2, 3, 3, nodes.times.size, points.size))
     for count in np.unique(counts):
         rows = counts == count

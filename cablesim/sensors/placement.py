@@ -45,7 +45,7 @@ QUANTITIES = {
     "curvature": ("m-1", "curvature at the ballast, from the shape"),
     "neighbours": ("m-1", "curvature at the ballast by equation (11)"),
     "turning": ("rad", "horizontal direction of the line between the buoys"),
-    "pull": ("N", "tension difference from the dynamics"),
+    "pull": ("N", "pull of the cable outside, from the dynamics"),
     "wrong direction": ("1", "share of the time in which the direction of pull is wrong"),
 }
 """Quantity that a layout is judged by -> unit and meaning."""
@@ -53,7 +53,7 @@ QUANTITIES = {
 STATISTICS = ("rms", "max")
 
 PULL_THRESHOLD = 0.01
-"""Smallest tension difference that has a direction [N]."""
+"""Smallest pull that has a direction [N]."""
 
 _STILL = 1e-3  # greatest speed of a cable at rest [m/s]
 
@@ -271,10 +271,10 @@ def _errors(run: StudyRun, signals: xr.Dataset, rest: float, memory: float) -> A
         "curvature": (shape_curvature(shape, [ballast]).values[:, 0], run.truth["curvature"]),
         "neighbours": (_by_neighbours(signals, ballast), run.truth["curvature"]),
         "turning": (away, np.zeros_like(away)),
-        "pull": (force["difference"].values, run.truth["pull"]),
+        "pull": (force["pull"].values, run.truth["pull"]),
     }
     rows = [_statistics(*pair) for pair in estimates.values()]
-    wrong = 1.0 - agreement_of_sign(force["difference"], run.truth["pull"], PULL_THRESHOLD)
+    wrong = 1.0 - agreement_of_sign(force["pull"], run.truth["pull"], PULL_THRESHOLD)
     return np.array([*rows, [wrong, wrong]])
 
 

@@ -1,9 +1,13 @@
-"""Who pulls: the difference of the tensions beside the two buoys, from their distance or from the dynamics.
+"""Who pulls on the V, vehicle or winch: from the distance of the buoys, or from the dynamics.
 
 Depends on: case, imu, interpolation (for its exception), rotations, shape.
 
-The tension difference is that beyond the last body less that before the first one, T_b - T_a: positive when
-the winch's side pulls more, negative when the vehicle's does.
+Two things are positive when the winch's side pulls more.  The paper's tension difference T_b - T_a is that
+of the tangential forces beyond the last body and before the first one; the paper relates it to the distance.
+The pull is the part along the line of the two bodies of N_b - N_a, the whole internal forces there; it
+follows from the balance of momentum, and it alone says which way the V is drawn.  Where the cable is steep
+beside the bodies, as at rest, the tension difference holds twice their mean vertical force too and can have
+the other sign.
 """
 
 from __future__ import annotations
@@ -148,9 +152,8 @@ def outer_force(
 
     with the accelerations of the sensors, linear along the cable between them (the paper's rigid portions),
     and velocities integrated from them; water at rest.  F is N_b - N_a, the internal forces beside the two
-    bodies, shear included.  Its part along the line from the first to the last body is taken for the tension
-    difference: where the bodies hang in bends of the cable, the tangents there say less about where the
-    cable pulls (solving F = T_b t_b - T_a t_a for both tensions was four times worse and is left out).
+    bodies, shear included; its part along the line from the first to the last body is the pull.  (Solving
+    F = T_b t_b - T_a t_a for two tensions was tried: they hang on the shear and on steep tangents.)
 
     Parameters
     ----------
@@ -170,7 +173,7 @@ def outer_force(
     Returns
     -------
     Dataset
-        ``force`` (time, axis) [N] in the world frame; ``difference`` (time) [N], positive towards the winch.
+        ``force`` (time, axis) [N] in the world frame; ``pull`` (time) [N], positive towards the winch.
 
     Raises
     ------
@@ -196,11 +199,11 @@ def outer_force(
         force += _body_force(case, body, acceleration[:, index], velocity[:, index])
     position = shape["position"].transpose("time", "point", "axis").values
     line = position[:, -1] - position[:, 0]
-    difference = np.einsum("tc,tc->t", force, line) / np.linalg.norm(line, axis=-1)
+    pull = np.einsum("tc,tc->t", force, line) / np.linalg.norm(line, axis=-1)
     return xr.Dataset(
         {
             "force": (("time", "axis"), force, {"units": "N", "long_name": "force of the cable outside"}),
-            "difference": _of_time(signals, difference, "tension difference from the dynamics"),
+            "pull": _of_time(signals, pull, "force of the cable outside along the line of the bodies"),
         },
         {"time": signals["time"], "axis": shape["axis"].values},
     )

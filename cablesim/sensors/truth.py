@@ -46,17 +46,18 @@ def true_distance(dataset: xr.Dataset, first: float, second: float, times: Array
 def true_curvature(dataset: xr.Dataset, s: ArrayLike, times: ArrayLike) -> Array:
     """Curvature (q, m) at material points [1/m]: angles of neighbouring segments over their length.
 
-    Linear between nodes, and between stored times; nought at the ends.
+    Linear between nodes, and between stored times; nought at the ends, unknown near a winch.
     """
     nodes = read_nodes(dataset)
-    chord = np.diff(nodes.motion[0], axis=1)
+    there = nodes.s.size if nodes.deployed is None else nodes.s.size - 1
+    chord = np.diff(nodes.motion[0][:, :there], axis=1)
     tangent = chord / np.linalg.norm(chord, axis=-1, keepdims=True)
     before, after = tangent[:, :-1], tangent[:, 1:]
     sine = np.linalg.norm(np.cross(before, after), axis=-1)
     angle = np.arctan2(sine, np.einsum("tec,tec->te", before, after))
-    h = np.diff(nodes.s)
+    h = np.diff(nodes.s[:there])
     curvature = np.pad(2.0 * angle / (h[:-1] + h[1:]), ((0, 0), (1, 1)))
-    return _in_time(nodes.times, linear_along(nodes.s, curvature, np.asarray(s, dtype=float)), times)
+    return _in_time(nodes.times, linear_along(nodes.s[:there], curvature, np.asarray(s, dtype=float)), times)
 
 
 def true_tension(dataset: xr.Dataset, s: float, side: str, times: ArrayLike) -> Array:
