@@ -1,4 +1,4 @@
-"""The command line: new, validate, info, statics, run, plot, report, animate, export, schema.
+"""The command line: new, validate, info, statics, run, plot, report, animate, export, imu, schema.
 
 Depends on: all of cablesim, imported when a command needs it.
 
@@ -69,6 +69,20 @@ class Format(StrEnum):
 
     CSV = "csv"
     VTK = "vtk"
+
+
+class ImuFrame(StrEnum):
+    """Local frames of the cable in which sensors can be mounted."""
+
+    TRANSPORTED = "transported"
+    PAPER = "paper"
+
+
+class ImuErrorPreset(StrEnum):
+    """Sensors whose errors are known."""
+
+    NONE = "none"
+    BMX160 = "bmx160"
 
 
 CasePath = Annotated[Path, typer.Argument(metavar="CASE", help="Case file (YAML).")]
@@ -182,7 +196,11 @@ def _leave(error: BaseException) -> None:
     from cablesim.batch import explain_failure
 
     outcome, _, message = explain_failure(error)
-    if type(error).__name__ in ("ExportError", "PlotError"):  # about a file; their modules are slow to import
+    if type(error).__name__ in (
+        "ExportError",
+        "PlotError",
+        "SensorError",
+    ):  # about a file; their modules are slow to import
         outcome, message = outcome.FILE_PROBLEM, str(error)
     if isinstance(error, KeyboardInterrupt):
         message = "interrupted"
@@ -396,6 +414,46 @@ def export(
         f"{files[0].name} and {len(files) - 1} more" if len(files) > 6 else ", ".join(f.name for f in files)
     )
     _say(f"{folder}: {what} written")
+
+
+@app.command(epilog=EXIT_CODES)
+@_guarded
+def imu(
+    result: ResultPath,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="File ending in .nc; default: <result>_imu.nc")
+    ] = None,
+    rate: Annotated[float, typer.Option("--rate", min=1e-3, help="Samples a second [Hz].")] = 100.0,
+    frame: Annotated[
+        ImuFrame, typer.Option("--frame", help="Frame of the cable: without twist, or the paper's.")
+    ] = ImuFrame.TRANSPORTED,
+    errors: Annotated[
+        ImuErrorPreset, typer.Option("--errors", help="What the sensors do wrong.")
+    ] = ImuErrorPreset.NONE,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the errors.")] = 0,
+    csv: Annotated[
+        Path | None, typer.Option("--csv", help="Folder for a table of each sensor too, made if needed")
+    ] = None,
+) -> None:
+    """Write what the IMUs of a result's case would read."""
+    from cablesim.batch import check_writable
+    from cablesim.sensors import export_imu_csv, imu_signals
+    from cablesim.trajectory import write
+
+    output = Path(f"{result.stem}_imu.nc") if output is None else output
+    place = None if csv is None else csv / "file" if csv.exists() else csv
+    for file in (output, place):
+        if file is not None:
+            check_writable(file)
+    chosen = None if errors is ImuErrorPreset.NONE else str(errors)
+    signals = imu_signals(_read_result(result), rate=rate, frame=str(frame), errors=chosen, seed=seed)
+    with _writing(output):
+        write(signals, output)
+    _say(f"{output}: {signals.sizes['imu']} sensors, {signals.sizes['time']} samples written")
+    if csv is not None and place is not None:
+        with _writing(place):
+            files = export_imu_csv(signals, csv)
+        _say(f"{csv}: {', '.join(file.name for file in files)} written")
 
 
 @app.command(epilog=EXIT_CODES)

@@ -27,6 +27,11 @@ COMMAND = [sys.executable, "-c", "from cablesim.cli import main; main()"]
 LONG = ["--set", "simulation.duration=8000", "--set", "output.interval=0.2"]
 """Makes a case whose ends keep moving run for minutes."""
 
+IMUS = """attachments:
+  - {kind: imu, name: one, at: 1 m}
+  - {kind: imu, name: two, at: 2 m, mounting: {rotation_vector: [0, 0, 90 deg]}}
+"""
+
 
 @pytest.fixture(autouse=True)
 def in_a_folder_of_its_own(tmp_path, monkeypatch):
@@ -581,6 +586,31 @@ def test_what_is_no_result(tmp_path):
             assert done.exit_code == 3, (name, command)
             assert said in done.stderr
             assert_readable_to_people(done.output)
+
+
+def test_imu(tmp_path):
+    text = short_case("sway").replace("ends:", IMUS + "ends:")
+    data = result("sway").assign_attrs(case=Case.from_yaml(text).to_yaml())
+    write(data, "sway.nc")
+    done = call("imu", "sway.nc", "--rate", 50, "--errors", "bmx160", "--seed", 1, "--csv", "logs")
+    assert done.exit_code == 0, done.output
+    assert "sway_imu.nc: 2 sensors, 51 samples written" in done.stdout
+    assert "logs: one.csv, two.csv written" in done.stdout
+    read_back = read("sway_imu.nc")
+    assert (read_back.attrs["errors"], read_back.attrs["seed"]) == ("bmx160", 1)
+    assert call("imu", "sway.nc", "--rate", 50, "--frame", "paper", "-o", "exact.nc").exit_code == 0
+    assert read("exact.nc").attrs["frame"] == "paper"
+    assert len(Path("logs/one.csv").read_text().splitlines()) == 52
+
+
+def test_imu_of_a_case_without_sensors():
+    write(result("sway"), "sway.nc")
+    done = call("imu", "sway.nc")
+    assert (done.exit_code, done.stdout) == (3, "")
+    assert "add attachments of kind imu" in done.stderr
+    done = call("imu", "sway.nc", "-o", "missing/a.nc")
+    assert done.exit_code == 3
+    assert "missing does not exist" in done.stderr
 
 
 def test_plot_and_export_check_where_they_write(forbidden):
