@@ -99,7 +99,7 @@ class Imu:
     position : float
         Material coordinate s [m].
     mounting : ndarray, shape (4,)
-        Rotation from the cable's local frame to the sensor, quaternion with the scalar last.
+        Rotation that turns the cable's local frame into the sensor's, quaternion with the scalar last.
     """
 
     name: str

@@ -223,7 +223,7 @@ class Body(Part):
 
 
 class Mounting(Part):
-    """Rotation from the cable's local frame to the sensor."""
+    """Rotation that turns the cable's local frame (x along the tangent) into the sensor's."""
 
     quaternion: tuple[Number, Number, Number, Number] | None = Field(
         default=None, description="unit quaternion, scalar last: [x, y, z, w]"
@@ -245,7 +245,8 @@ class Imu(Part):
     name: str = Field(min_length=1, description="label, unique in the case")
     at: Length = Field(ge=0, description="material coordinate s, from end A [m]")
     mounting: Mounting | None = Field(
-        default=None, description="rotation from the cable's local frame to the sensor; default none"
+        default=None,
+        description="rotation that turns the cable's local frame into the sensor's; default none",
     )
 
 

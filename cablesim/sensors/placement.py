@@ -458,6 +458,7 @@ def plot_layouts(compared: xr.DataArray, layouts: Mapping[str, ArrayLike]) -> Fi
     """
     try:
         from matplotlib.figure import Figure
+        from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
     except ImportError:
         raise PlotError("Drawing needs matplotlib: pip install 'cablesim[plot]'") from None
     shown = ["distance", "curvature", "turning", "pull"]
@@ -473,6 +474,9 @@ def plot_layouts(compared: xr.DataArray, layouts: Mapping[str, ArrayLike]) -> Fi
         for kind, marker in zip(compared["sensors"].values, "ox+sd^v", strict=False):
             axes.plot(errors.sel(sensors=kind), rows, marker, label=kind)
         axes.set(xscale="log", xlabel=f"RMS [{QUANTITIES[name][0]}]", title=name)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.grid(alpha=0.3)
     panels[1].legend()
     return figure
