@@ -62,6 +62,7 @@ class Starter(StrEnum):
     SWAY = "sway"
     TOW = "tow"
     BUOYS = "buoys"
+    WINCH = "winch"
 
 
 class Format(StrEnum):

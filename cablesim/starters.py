@@ -173,7 +173,74 @@ output:
   interval: 0.1 s
 """
 
-STARTERS = {"sway": SWAY, "tow": TOW, "buoys": BUOYS}
+WINCH = """\
+# A tether between a vehicle that moves away and a winch that pays it out. Change what you need.
+# Every number may carry a unit ("4 mm", "10 kN"); a bare number is in SI units.
+# z is up; the cable runs from end A (s = 0, the vehicle) to end B (the winch).
+name: {name}
+description: A vehicle moves away and a winch pays out.
+
+water:
+  density: 1025 kg/m^3
+
+cable:
+  length: 30 m # all of it, what is on the drum included
+  diameter: 8 mm # on which drag acts
+  mass_per_length: 60 g/m # dry
+  axial_stiffness: 20 kN # EA
+
+mesh:
+  segment_length: 20 cm
+
+winch: # at end B
+  deployed_length: 8 m # between A and B at t = 0
+  maximum_speed: 1 m/s
+  maximum_acceleration: 1 m/s^2
+  minimum_length: 2 m # the run stops there
+  payout:
+    kind: waypoints
+    waypoints: [[0, 0], [3, 0.3], [28, 0.3], [30, 0]] # t [s], speed [m/s], > 0: cable goes out
+    # or a controller, asked every `period` with measurements `delay` old:
+    # kind: constant_tension # or constant_length, buoy_gap
+    # tension: 2 N # paid out when it is more, reeled in when it is less
+    # proportional: 0.02 # m/s for each newton too much; a taut cable is stiff: too much, and it snatches
+    # period: 50 ms
+    # delay: 100 ms
+    # or your own, def command(measured): return a payout speed
+    # kind: function
+    # function: my_winch.py:command
+
+# attachments: # counted from end A; those beyond the deployed length are on the drum
+#   - {{kind: buoy, name: float, at: 12 m, mass: 50 g, volume: 250 cm^3, drag_area: 20 cm^2}}
+
+ends:
+  a: # the vehicle
+    motion: rov_waypoints
+    position: [6, 0, -4]
+    heading: 0 deg # along +x
+    channels: [surge, yaw]
+    waypoints: # t [s], surge [m/s], yaw rate [rad/s]
+      - [0, 0, 0]
+      - [2, 0.3, 0]
+      - [15, 0.3, 0]
+      - [20, 0.3, 0.1]
+      - [28, 0.3, 0]
+      - [30, 0, 0]
+  b: # the winch; may move as well: harmonic for a heaving vessel
+    motion: fixed
+    position: [0, 0, 0]
+
+initial:
+  shape: equilibrium
+
+simulation:
+  duration: 40 s
+
+output:
+  interval: 0.1 s
+"""
+
+STARTERS = {"sway": SWAY, "tow": TOW, "buoys": BUOYS, "winch": WINCH}
 """Name -> text with the places ``{name}`` and ``{file}``."""
 
 

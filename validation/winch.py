@@ -10,8 +10,9 @@ from common import CASES, output_folder, parser, print_table, write_csv  # isort
 
 import resource
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,9 +20,25 @@ import xarray as xr
 from scaling import idle_call, jacobian_time, python_time, residual_time
 
 import cablesim
+from cablesim.control import ConstantLength
 from cablesim.integrate import IdaIntegrator
 from cablesim.motion import payout_waypoints, velocity_waypoints
-from cablesim.scene import End, Scene
+from cablesim.scene import (
+    Attachment,
+    Cable,
+    Control,
+    End,
+    EquilibriumShape,
+    MeshRules,
+    Numerics,
+    Output,
+    Refinement,
+    Scene,
+    StillWater,
+    UniformCurrent,
+    Water,
+    Winch,
+)
 from cablesim.trajectory import History
 
 CORNERS = (0.0, 0.5, 8.0, 8.5, 9.0, 18.5, 19.0)  # [s] of the winch cycle's speed
@@ -194,6 +211,106 @@ def cranking(scene: Scene, duration: float) -> list[dict[str, Any]]:
     return rows
 
 
+# Random winches -----------------------------------------------------------------------------------
+
+
+def random_scene(seed: int) -> Scene:
+    """A cable, bodies, water, ends, a mesh and a winch of any kind, up to 4 m/s."""
+    rng = np.random.default_rng(seed)
+    length, diameter = rng.uniform(2.0, 12.0), rng.uniform(2e-3, 12e-3)
+    section, relative = 0.25 * np.pi * diameter**2, rng.uniform(0.8, 3.0)
+    bending = 10 ** rng.uniform(-4, -1) if rng.random() < 0.5 else 0.0
+    cable = Cable(
+        length=length,
+        diameter=diameter,
+        mass_per_length=1000 * section * relative,
+        displaced_section=section * (relative if rng.random() < 0.3 else 1.0),
+        wet_weight=0.0,
+        axial_stiffness=10 ** rng.uniform(2.5, 6),
+        bending_stiffness=bending,
+        drag_normal=1.2,
+        drag_tangential=0.01,
+        added_mass_normal=1.0,
+        added_mass_tangential=0.0,
+        structural_damping=rng.choice([1e-4, 1e-3, 5e-3]),
+    )
+    weight = 9.81 * (cable.mass_per_length - 1000 * cable.displaced_section)
+    deployed = rng.uniform(0.4, 0.9) * length
+    times = np.arange(0.0, 6.1, 0.75)
+    speeds = 10 ** rng.uniform(-1.5, 0.6) * rng.uniform(-1, 1, times.size)
+    direction = rng.normal(size=3)
+    place = rng.uniform(0.3, 0.95) * deployed * direction / np.linalg.norm(direction)
+    moves = rng.uniform(-0.3, 0.3, (2, times.size, 3)) * rng.integers(0, 2, (2, 1, 1))
+    clamp = rng.normal(size=3)
+    bodies = tuple(
+        Attachment(
+            name=f"body {k}",
+            kind="body",
+            position=rng.uniform(0.05, 0.98) * length,
+            mass=rng.uniform(0.01, 0.3),
+            volume=rng.uniform(0.0, 3e-4),
+            drag_area=1e-3,
+            added_mass=0.5,
+        )
+        for k in range(rng.integers(0, 4))
+    )
+    segment = length / rng.integers(15, 90)
+    near = tuple(Refinement(position=b.position, within=0.3, segment_length=segment / 4) for b in bodies[:1])
+    current = UniformCurrent(velocity=rng.uniform(-0.5, 0.5, 3)) if rng.random() < 0.3 else StillWater()
+    payout: Any = payout_waypoints(deployed, times, np.where(times == 0.0, 0.0, speeds))
+    if rng.random() < 0.25:
+        payout = Control(
+            period=0.05,
+            delay=rng.choice([0.0, 0.1]),
+            make=partial(ConstantLength, length=0.7 * deployed, proportional=1.0),
+        )
+    return Scene(
+        name=f"random {seed}",
+        gravity=9.81,
+        water=Water(density=1000.0, current=current),
+        cable=replace(cable, wet_weight=weight),
+        mesh=MeshRules(segment_length=segment, refinements=near if rng.random() < 0.4 else ()),
+        attachments=bodies,
+        imus=(),
+        end_a=End(motion=velocity_waypoints([0.0, 0.0, 0.0], times, moves[0])),
+        end_b=End(
+            motion=velocity_waypoints(place, times, moves[1]),
+            clamp=clamp / np.linalg.norm(clamp) if bending and rng.random() < 0.5 else None,
+        ),
+        initial=EquilibriumShape(),
+        duration=5.0,
+        numerics=Numerics(relative_tolerance=10 ** rng.uniform(-5, -3), time_limit=60.0),
+        output=Output(interval=0.05),
+        winch=Winch(
+            deployed_length=deployed,
+            payout=payout,
+            maximum_speed=3.0,
+            maximum_acceleration=5.0,
+            minimum_length=0.2 * deployed,
+        ),
+    )
+
+
+def stress(count: int) -> list[dict[str, Any]]:
+    """How many random scenes end in which way; scenes with a fault are listed by their number."""
+    ends: Counter[str] = Counter()
+    faults, events, closure = [], 0, 0.0
+    for seed in range(count):
+        try:
+            run = cablesim.simulate(random_scene(seed))
+        except cablesim.StaticsError:
+            ends["no rest shape found"] += 1
+            continue
+        ends[run.attrs["status"]] += 1
+        events += run.sizes["winch_event"]
+        closure = max(closure, float(run["closure_error"].max()))
+        if not np.isfinite(run["end_force"].values).all() or run["closure_error"].max() > 1e-3:
+            faults.append(seed)
+    rows = [{"end": end, "scenes": number} for end, number in ends.most_common()]
+    print(f"\n{count} scenes: {events} events, closure {1e3 * closure:.2g} mm; faults: {faults or 'none'}")
+    return rows
+
+
 # Speed of the round trip ----------------------------------------------------------------------------
 
 
@@ -309,6 +426,8 @@ def main() -> None:
     print_table([force_jumps(scene)], "jumps of the force where nodes come and go (rtol 1e-5)")
     print_table(rest_rows(scene), "after the cycle: distance from the rest shape of 2.5 m")
     print_table(convergence(scene, 0.05 if small else 0.025), "convergence of the force at A through events")
+    if not small:  # each kind of scene is compiled once, which takes longer than its run
+        print_table(stress(300), "how they end")
     repeats = 3 if small else 15
     print_table(
         [speed_row(name, repeats) for name in ("round_trip", "turn", "dive", "winch_cycle")],
