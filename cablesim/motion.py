@@ -236,7 +236,7 @@ def payout_waypoints(length: float, times: ArrayLike, speeds: ArrayLike) -> Moti
     ValueError
         As `velocity_waypoints`.
     """
-    rates = _table("payout_waypoints: speeds", np.reshape(speeds, (-1, 1)), np.size(times), 1)
+    rates = _table("payout_waypoints: speeds", np.asarray(speeds, float).reshape(-1, 1), np.size(times), 1)
     return _along_x(velocity_waypoints(_on_x(np.array([length]))[0], times, _on_x(rates[:, 0])))
 
 
@@ -261,7 +261,7 @@ def recorded_length(
     ValueError
         As `recorded`.
     """
-    samples = _table("recorded_length: lengths", np.reshape(lengths, (-1, 1)), np.size(times), 1)
+    samples = _table("recorded_length: lengths", np.asarray(lengths, float).reshape(-1, 1), np.size(times), 1)
     return _along_x(recorded(times, _on_x(samples[:, 0]), noise_level, start=start))
 
 

@@ -417,6 +417,10 @@ class _Quantities:
         return self.history.deployed[:, 1]
 
     @cached_property
+    def deployed_mass(self) -> Array:
+        return self.loads[..., MASS].sum(axis=1)
+
+    @cached_property
     def winch_event_time(self) -> Array:
         return np.array([event.time for event in self.history.events])
 

@@ -62,6 +62,7 @@ VARIABLES: dict[str, Variable] = {
     "bending_energy": Variable(("time",), "J", "energy of bending"),
     "deployed_length": Variable(("time",), "m", "unstretched length between end A and the winch", _has_winch),
     "payout_speed": Variable(("time",), "m s-1", "rate of the deployed length", _has_winch),
+    "deployed_mass": Variable(("time",), "kg", "dry mass of cable and attachments that are out", _has_winch),
     "winch_event_time": Variable(_EVENT, "s", "time at which a node came out or went in", _has_winch),
     "winch_event_change": Variable(_EVENT, "1", "+1: a node came out, -1: it went on the drum", _has_winch),
     "winch_event_energy_change": Variable(_EVENT, "J", "change of kinetic energy", _has_winch),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,14 +13,15 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scenes import FREE, VACUUM, body, cable, driven, held, scene, straight
 
-from cablesim import Simulation, simulate
+from cablesim import Simulation, simulate, write
 from cablesim.control import Measurement
 from cablesim.integrate import Status
 from cablesim.mesh import FEWEST, LONGEST_BEYOND, ON_DRUM, SHORTEST, build_mesh
-from cablesim.motion import earliest_fall, payout_waypoints
+from cablesim.motion import earliest_fall, payout_waypoints, recorded_length
 from cablesim.physics.model import CableModel, build_model
 from cablesim.physics.needs import SPACE
 from cablesim.physics.winch import insert_node, material_velocity, remove_node
+from cablesim.saved_state import read_saved_state
 from cablesim.scene import Control, Scene, Winch
 from cablesim.statics import find_initial_state
 
@@ -272,11 +274,14 @@ def test_length_mass_and_closure_are_exact() -> None:
         length = program.position(simulation.time)[0]
         assert model.parameters.segments[:, 0].sum() == pytest.approx(length, abs=1e-12)
         assert model.parameters.nodes[:, 0].sum() == pytest.approx(0.055 * length, abs=1e-12)
-        assert np.linalg.norm(chord_sum(model, y) - [0.0, 0.0]) != 0.0
+        assert np.linalg.norm(chord_sum(model, y) - model.end_place_and_velocity("b", 0.0)[0]) < 1e-9
     dataset = run()
     assert dataset["closure_error"].max() < 1e-9
     np.testing.assert_allclose(
         dataset["deployed_length"], program.position(dataset["time"].values)[:, 0], rtol=0, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        dataset["deployed_mass"], 0.055 * dataset["deployed_length"], rtol=0, atol=1e-12
     )
 
 
@@ -580,3 +585,27 @@ def test_material_at_the_winch_moves_with_the_drum() -> None:
     assert np.linalg.norm(velocity) == pytest.approx(0.25, rel=1e-3)
     assert velocity @ chord < 0.0  # away from the winch
     assert simulation.model.frame is not SPACE
+
+
+def test_run_goes_on_from_a_saved_state(tmp_path: Path) -> None:
+    """A second run that starts from the state of the first at 2 s goes on as the first does."""
+    whole = simulate(cycle(duration=4.0, relative_tolerance=1e-6))
+    write(whole, tmp_path / "first.nc")
+    state = read_saved_state(tmp_path / "first.nc", 2.0)
+    deployed = float(whole["deployed_length"].sel(time=2.0))
+    assert state.arc[-1] == pytest.approx(deployed, abs=1e-12)
+    again = cycle(duration=2.0, relative_tolerance=1e-6, initial=state, payout=[[0, 0.25]])
+    payout = payout_waypoints(deployed, [0.0], [0.25])
+    again = replace(again, winch=replace(again.winch, deployed_length=deployed, payout=payout))
+    found = simulate(again).isel(time=-1)["position"].dropna("node")
+    np.testing.assert_allclose(found, whole.isel(time=-1)["position"].dropna("node"), rtol=0, atol=5e-5)
+
+
+def test_recorded_length_plays_a_run_again() -> None:
+    first = simulate(cycle(duration=6.0, interval=0.02))
+    program = recorded_length(first["time"], first["deployed_length"], 0.0)
+    second = cycle(duration=5.9)
+    second = simulate(replace(second, winch=replace(second.winch, payout=program)))
+    assert second.attrs["status"] == "completed"
+    first, second = (d["position"].sel(time=5.8).dropna("node") for d in (first, second))
+    np.testing.assert_allclose(second, first, rtol=0, atol=1e-4)
