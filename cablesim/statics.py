@@ -27,6 +27,7 @@ from cablesim.physics.model import CableModel, build_model
 from cablesim.physics.needs import scene_frame
 from cablesim.physics.parameters import (
     DRAG_POINT,
+    EA_,
     WET_WEIGHT,
 )
 from cablesim.scene import (
@@ -555,7 +556,8 @@ class _Search:
         bending = parameters.constants[1] / parameters.segments[:, 0].sum() ** 2
         current = parameters.current_velocity
         drag = (parameters.nodes[:, 4:7].sum()) * float((current**2).sum(axis=-1).max())
-        return max(weight, bending, drag, float(np.abs(layout.tension(y)).max()), 1e-9)
+        rounding = 1e-9 * parameters.constants[EA_]  # a slack cable without weight holds no force at all
+        return max(weight, bending, drag, float(np.abs(layout.tension(y)).max()), rounding)
 
     def _report(self, y: Array, rung: Rung) -> InitialState:
         y = self._at_rest(y)
