@@ -315,6 +315,7 @@ class Simulation:
     def restore(self, snapshot: Snapshot) -> None:
         """Come back to a moment; the integrator restarts there: runs agree to tolerance, not to the bit."""
         self._driven, self._driven_until = snapshot.driven, snapshot.driven_until
+        self._stops = self._input_stops()
         self._loop = copy.deepcopy(snapshot.loop)
         self._use(snapshot.model.with_parameters(snapshot.model.parameters))
         self._begin(snapshot.time, snapshot.y, snapshot.yp)
@@ -406,24 +407,27 @@ class Simulation:
         self._integrator.start(t, self._y, self._yp)
 
     def _input_stops(self) -> list[tuple[float, bool]]:
-        """Times at which the input has a corner (False) or a jump of velocity (True), then the end."""
-        stops = {self.scene.duration: False}
-        program = self.scene.winch.payout if self.scene.winch is not None else None
-        for motion in (self.scene.end_a.motion, self.scene.end_b.motion, program):
-            if isinstance(motion, Motion):
+        """Times at which the input has a corner (False) or a jump of velocity (True), then the end.
+
+        What is driven from outside has left its motion.
+        """
+        scene, stops = self.scene, {self.scene.duration: False}
+        program = scene.winch.payout if scene.winch is not None else None
+        for motion, driven in zip(
+            (scene.end_a.motion, scene.end_b.motion, program), self._driven, strict=True
+        ):
+            if isinstance(motion, Motion) and not driven:
                 stops |= {float(t): False for t in motion.corners if float(t) not in stops}
                 stops |= {float(t): True for t in motion.jumps}
-        return sorted((t, jump) for t, jump in stops.items() if t <= self.scene.duration)
+        return sorted((t, jump) for t, jump in stops.items() if t <= scene.duration)
 
     def _look_ahead(self) -> None:
         """Find the next stop, and the last time that may be evaluated before something changes."""
-        if any(self._driven):
-            ahead = self._driven_until > self._time
-            self._stop, self._jump = self._driven_until if ahead else math.inf, False
-        else:
-            self._stop, self._jump = next(
-                ((t, jump) for t, jump in self._stops if t > self._time), (np.inf, False)
-            )
+        self._stop, self._jump = next(
+            ((t, jump) for t, jump in self._stops if t > self._time), (math.inf, False)
+        )
+        if self._time < self._driven_until < self._stop:
+            self._stop, self._jump = self._driven_until, False
         # the motion after a jump must not be seen before it
         self._limit = math.nextafter(self._stop, 0.0) if self._jump else self._stop
         if self._loop is not None:
@@ -556,6 +560,7 @@ class Simulation:
         begins = not any(self._driven)
         self._driven = (driven[0], driven[1], driven[2])
         self._driven_until = self._time + duration
+        self._stops = self._input_stops()
         self._use(self.model.with_parameters(parameters._replace(**changes)))
         self._integrator.equations = self.model
         if begins:  # the integrator may have stepped beyond, into what will not be

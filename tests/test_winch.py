@@ -493,6 +493,18 @@ def test_driven_from_outside_as_by_a_program() -> None:
     np.testing.assert_allclose(observed.position, wanted, rtol=0, atol=2e-5)
 
 
+def test_end_that_jumps_is_followed_while_the_winch_is_driven() -> None:
+    """Driving the winch leaves the ends to their motions: a jump of velocity restarts the integrator."""
+    jump = [[0, 0, 0, 0], [1, 0, 0, 0], [1, 0, 0.4, 0], [3, 0, 0.4, 0]]
+    by_program = Simulation(cycle(payout=[[0, 0.1]], a=driven([0.0, 0, 0], jump), relative_tolerance=1e-6))
+    by_hand = Simulation(cycle(payout=[[0, 0.1]], a=driven([0.0, 0, 0], jump), relative_tolerance=1e-6))
+    by_hand.step(0.5, payout_speed=0.1)
+    observed = by_hand.step(1.5)
+    assert observed.status is Status.COMPLETED
+    np.testing.assert_allclose(observed.position, by_program.step(2.0).position, rtol=0, atol=2e-5)
+    np.testing.assert_allclose(observed.velocity[0], [0.0, 0.4, 0.0], atol=1e-9)
+
+
 def test_limits_hold_for_commands_from_outside() -> None:
     base = winched(cycle(), 3.0, [[0, 0]], maximum_speed=0.3, maximum_acceleration=0.5)
     simulation = Simulation(base)
