@@ -54,8 +54,8 @@ def plot_run(dataset: xr.Dataset) -> Figure:
 
     Shapes at up to 12 times, from the side and from above (only the side when all motion stays in one
     vertical plane), below them the tensions against time and, where there are two attachments or
-    more, the distances between neighbours.  A single state has its tension along the cable instead.
-    A panel whose variable was not kept says so.
+    more, the distances between neighbours; with a winch the deployed length.  A single state has its
+    tension along the cable instead.  A panel whose variable was not kept says so.
 
     Parameters
     ----------
@@ -92,9 +92,12 @@ def plot_run(dataset: xr.Dataset) -> Figure:
 def _lower_panels(dataset: xr.Dataset) -> list[Callable[[Axes, xr.Dataset], None]]:
     if dataset.sizes["time"] == 1:
         return [_draw_tension_along]
+    panels: list[Callable[[Axes, xr.Dataset], None]] = [_draw_tensions]
     if dataset.sizes.get("attachment", 0) > 1:
-        return [_draw_tensions, _draw_distances]
-    return [_draw_tensions]
+        panels.append(_draw_distances)
+    if "deployed_length" in dataset:
+        panels.append(_draw_deployed_length)
+    return panels
 
 
 def _import_figure() -> type[Figure]:
@@ -335,6 +338,13 @@ def _draw_distances(axes: Axes, dataset: xr.Dataset) -> None:
     _begin_at_zero(axes)
     _against_time(axes, time)
     _legend(axes)
+
+
+def _draw_deployed_length(axes: Axes, dataset: xr.Dataset) -> None:
+    time = dataset["time"].values
+    axes.plot(time, dataset["deployed_length"].values, color=_COLOURS[0], lw=1.6)
+    axes.set_ylabel("deployed length [m]")
+    _against_time(axes, time)
 
 
 def attachment_distances(dataset: xr.Dataset) -> dict[str, Array]:

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 import xarray as xr
-from runs import result
+from runs import result, with_winch
 
 from cablesim.plot import SNAPSHOTS, PlotError, attachment_distances, plot_run, snapshot_indices
 
@@ -234,3 +234,10 @@ def test_missing_matplotlib_is_explained(buoys, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(PlotError, match=r"pip install 'cablesim\[plot\]'"):
         plot_run(buoys)
+
+
+def test_deployed_length_of_a_winch(buoys):
+    wound = with_winch(result("buoys"))
+    axes = panel(drawn(plot_run(wound)), "deployed length [m]")
+    assert has_line(axes, wound["time"].values, wound["deployed_length"].values)
+    assert not [axes for axes in plot_run(buoys).axes if axes.get_ylabel() == "deployed length [m]"]
