@@ -200,15 +200,10 @@ winch: # at end B
   payout:
     kind: waypoints
     waypoints: [[0, 0], [3, 0.3], [28, 0.3], [30, 0]] # t [s], speed [m/s], > 0: cable goes out
-    # or a controller, asked every `period` with measurements `delay` old:
-    # kind: constant_tension # or constant_length, buoy_gap
-    # tension: 2 N # paid out when it is more, reeled in when it is less
-    # proportional: 0.02 # m/s for each newton too much; a taut cable is stiff: too much, and it snatches
-    # period: 50 ms
-    # delay: 100 ms
-    # or your own, def command(measured): return a payout speed
-    # kind: function
-    # function: my_winch.py:command
+    # Instead a controller, asked every period with measurements that are delay old, may drive it:
+    #   payout: {{kind: constant_tension, tension: 2 N, proportional: 0.02, period: 50 ms, delay: 100 ms}}
+    # (a taut cable is stiff: with more it snatches), constant_length, buoy_gap, or your own Python,
+    #   payout: {{kind: function, function: my_winch.py:command}}
 
 # attachments: # counted from end A; those beyond the deployed length are on the drum
 #   - {{kind: buoy, name: float, at: 12 m, mass: 50 g, volume: 250 cm^3, drag_area: 20 cm^2}}
