@@ -54,8 +54,8 @@ instead of 767 and 2697 with 0.5.  At 30 it is 312 and 2105, but tension strays 
 instead of 0.35 %.
 """
 
-KEPT_INTEGRATORS = 64
-"""Solver objects kept for other numbers of segments; each has a full matrix of its own."""
+KEPT_INTEGRATORS, KEPT_BYTES = 64, 100e6
+"""Most solver objects kept for other numbers of segments, and most bytes of their full matrices."""
 
 
 @dataclass(frozen=True)
@@ -155,6 +155,7 @@ class Simulation:
         self.mesh: Mesh = build_mesh(self.scene)
         self.initial: InitialState = self._find_initial_state()
         self._scales: Scales = scene_scales(self.scene, self.initial.model, self.initial.y)
+        self._integrators: OrderedDict[int, IdaIntegrator] = OrderedDict()  # by number of segments
         self.reset()
 
     def reset(self) -> None:
@@ -163,7 +164,9 @@ class Simulation:
         self._driven, self._driven_until = (False, False, False), -math.inf
         self._stops = self._input_stops()
         self._counters = Counters()
-        self._integrators: OrderedDict[int, IdaIntegrator] = OrderedDict()
+        for integrator in self._integrators.values():
+            integrator.close()
+        self._integrators.clear()
         self._events: list[WinchEvent] = []
         self._model = start.with_parameters(start.parameters)
         self._winding: Winding | None = None
@@ -360,8 +363,9 @@ class Simulation:
         segments = model.layout.segments
         if segments not in self._integrators:
             self._integrators[segments] = self._new_integrator(model)
-            if len(self._integrators) > KEPT_INTEGRATORS:
-                self._integrators.popitem(last=False)
+            kept = min(KEPT_INTEGRATORS, max(4, int(KEPT_BYTES / (8 * model.layout.size**2))))
+            while len(self._integrators) > kept:
+                self._integrators.popitem(last=False)[1].close()
         self._integrators.move_to_end(segments)
         self._integrators[segments].equations = model
         return self._integrators[segments]

@@ -5,6 +5,7 @@ Depends on: scene, mesh, motion, integrate.protocol, physics.
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -25,6 +26,13 @@ ROUNDING = 1e-9
 
 GUARD = 0.5
 """Part of the shortest winch segment that a step may reel in beyond the length at which its node goes."""
+
+
+KEPT_BYTES, FEWEST_MODELS = 50e6, 4
+"""Most bytes of equations kept for other sizes (a long motion makes each of them big), and fewest of them."""
+
+COMMANDED = 64
+"""Largest table of a motion that can be a command from outside; larger ones are the scene's own."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +85,7 @@ class Winding:
         self._mesh = mesh
         self._minimum = minimum_length
         self._build = build
-        self._models = {model.layout.segments: model}
+        self._models = OrderedDict({model.layout.segments: model})
         self.use(model)
 
     count = 2
@@ -125,11 +133,15 @@ class Winding:
         if segments not in self._models:
             full = float(self._mesh.nodes[segments])
             self._models[segments] = self._build(self._mesh.deployed(segments, full))
-        model = self._models[segments]
-        now = self.model.parameters
+            kept = max(FEWEST_MODELS, int(KEPT_BYTES / self._models[segments].bytes))
+            while len(self._models) > kept:
+                self._models.popitem(last=False)
+        self._models.move_to_end(segments)
+        model, now = self._models[segments], self.model.parameters
         if all(getattr(now, name).shape == getattr(model.parameters, name).shape for name in _MOTIONS):
             for name in _MOTIONS:
-                getattr(model.parameters, name)[:] = getattr(now, name)
+                if getattr(now, name).size <= COMMANDED:
+                    getattr(model.parameters, name)[:] = getattr(now, name)
             return model
         changes = {name: getattr(now, name) for name in _MOTIONS}
         return model.with_parameters(model.parameters._replace(**changes))

@@ -72,6 +72,11 @@ class CableModel:
         return self.layout.bandwidths(bending=self.features.bending)
 
     @property
+    def bytes(self) -> int:
+        """Memory of the arrays."""
+        return self._buffer.nbytes
+
+    @property
     def unstretched(self) -> Array:
         """Size |q| of unstretched segments, shape (n,): 1, but for the segment of a winch."""
         return self.parameters.segments[:, LENGTH] / self.parameters.segments[:, REFERENCE_LENGTH]
