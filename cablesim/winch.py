@@ -27,7 +27,6 @@ ROUNDING = 1e-9
 GUARD = 0.5
 """Part of the shortest winch segment that a step may reel in beyond the length at which its node goes."""
 
-
 KEPT_BYTES, FEWEST_MODELS = 50e6, 4
 """Most bytes of equations kept for other sizes (a long motion makes each of them big), and fewest of them."""
 
@@ -65,7 +64,7 @@ def bounds_at(mesh: Mesh, segments: int, minimum_length: float) -> Bounds:
 
 
 class Winding:
-    """Nodes that are out, and the models of all sizes met so far.
+    """Nodes that are out, and the models of the sizes met lately; for the integrator, its event functions.
 
     Parameters
     ----------
@@ -79,6 +78,8 @@ class Winding:
         Makes the equations of a mesh.
     """
 
+    count = 2  # event functions: distances to the lower and the upper bound
+
     def __init__(
         self, mesh: Mesh, minimum_length: float, model: CableModel, build: Callable[[Mesh], CableModel]
     ) -> None:
@@ -87,8 +88,6 @@ class Winding:
         self._build = build
         self._models = OrderedDict({model.layout.segments: model})
         self.use(model)
-
-    count = 2
 
     def __call__(self, t: float, out: Array) -> None:
         """Distances to both bounds: what the integrator looks for the zeros of."""
