@@ -83,7 +83,7 @@ def figure(found: xr.Dataset) -> Figure:
     ):
         axes.set_ylabel(label)
         axes.grid(alpha=0.3)
-        axes.legend(loc="upper right")
+        axes.legend(loc="best")
     curvature.set_xlabel("time [s]")
     return drawn
 
