@@ -29,7 +29,7 @@ from cablesim.integrate import IdaIntegrator, Status
 from cablesim.integrate.ida import IdaOptions
 from cablesim.integrate.protocol import Counters
 from cablesim.mesh import Mesh, build_mesh
-from cablesim.motion import Motion
+from cablesim.motion import FOREVER, Motion
 from cablesim.physics.model import CableModel, build_model
 from cablesim.physics.scales import Scales, absolute_tolerances, scene_scales
 from cablesim.physics.winch import material_velocity
@@ -43,7 +43,6 @@ Array = NDArray[np.float64]
 log = logging.getLogger("cablesim")
 
 SAME_TIME = 1e-12  # times closer than this are one: output times and corners differ by rounding
-FOREVER = 1e9  # [s]
 
 START_CHANGE, RESTART_CHANGE = 0.5, 10.0
 """Change of the state in the first step, over its tolerance.

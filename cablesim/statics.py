@@ -23,6 +23,7 @@ from scipy.linalg import LinAlgError, solve_banded, solveh_banded
 from scipy.optimize import brentq, root
 
 from cablesim.mesh import Mesh
+from cablesim.motion import FOREVER
 from cablesim.physics.model import CableModel, build_model
 from cablesim.physics.needs import scene_frame
 from cablesim.physics.parameters import (
@@ -652,10 +653,10 @@ def _stopped(model: CableModel, velocity: Array):
         coefficients[0, 0] = model.end_place_and_velocity(end, 0.0)[0]
         coefficients[0, 1] = velocity
         changes[f"coefficients_{end}"] = coefficients
-        changes[f"breaks_{end}"] = np.array([0.0, 1e9])
+        changes[f"breaks_{end}"] = np.array([0.0, FOREVER])
     changes["winch_coefficients"] = np.zeros((1, 6, 1))
     changes["winch_coefficients"][0, 0] = model.deployed_length(0.0)[0]
-    changes["winch_breaks"] = np.array([0.0, 1e9])
+    changes["winch_breaks"] = np.array([0.0, FOREVER])
     return model.parameters._replace(**changes)
 
 

@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 
 from cablesim.motion import (
     Motion,
-    _refuse_overshoot,
     fixed,
     harmonic,
     payout_waypoints,
@@ -18,6 +17,7 @@ from cablesim.motion import (
     rov_waypoints,
     velocity_waypoints,
 )
+from cablesim.motion.recordings import refuse_overshoot
 
 START = np.array([1.0, -2.0, -3.0])
 OFFSET = np.array([-0.3, 0.1, 0.2])
@@ -268,8 +268,8 @@ def test_a_spline_that_swings_between_the_samples_is_refused():
     with pytest.raises(
         ValueError, match=r"strays by 3\.54 m between the samples 0 and 1; give the real noise"
     ):
-        _refuse_overshoot(wave, times, samples, 1e-3)
-    _refuse_overshoot(fixed([0, 0, 0]), times, samples, 1e-3)
+        refuse_overshoot(wave, times, samples, 1e-3)
+    refuse_overshoot(fixed([0, 0, 0]), times, samples, 1e-3)
 
 
 def test_start_shifts_the_recording():

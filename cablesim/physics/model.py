@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablesim.mesh import Mesh
-from cablesim.motion import Motion
+from cablesim.motion import FOREVER, Motion
 from cablesim.physics.equations import Equations, compile_equations, end_motion
 from cablesim.physics.layout import StateLayout
 from cablesim.physics.needs import Frame, scene_features
@@ -343,7 +343,7 @@ def _winch_table(scene: Scene, mesh: Mesh, nodes: Array) -> tuple[Array, Array, 
         return loads, program.breaks, program.coefficients
     coefficients = np.zeros((3, 6, 1))  # at rest; a controller's commands are written here
     coefficients[:, 0] = scene.start_length
-    return loads, np.array([0.0, 1.0, 2.0, 1e9]), coefficients
+    return loads, np.array([0.0, 1.0, 2.0, FOREVER]), coefficients
 
 
 def _end_table(end: End, frame: Frame) -> tuple[Array, Array]:
