@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from cablesim.simulation import Snapshot as Snapshot
     from cablesim.simulation import simulate as simulate
     from cablesim.statics import StaticsError as StaticsError
-    from cablesim.trajectory import read as read
-    from cablesim.trajectory import write as write
+    from cablesim.trajectory.file import read as read
+    from cablesim.trajectory.file import write as write
 
 _HOMES = {
     "Case": "case",
@@ -43,8 +43,8 @@ _HOMES = {
     "Snapshot": "simulation",
     "simulate": "simulation",
     "StaticsError": "statics",
-    "read": "trajectory",
-    "write": "trajectory",
+    "read": "trajectory.file",
+    "write": "trajectory.file",
 }
 
 __all__ = [*_HOMES]

@@ -324,11 +324,11 @@ def write_result(dataset: xr.Dataset, file: Path) -> None:
     OutputError
         If it cannot be written, for instance because the disk is full.
     """
-    from cablesim import trajectory
+    from cablesim.trajectory.file import write
 
     part = file.with_name(f".{file.name}.{os.getpid()}.part")
     try:
-        trajectory.write(dataset, part)
+        write(dataset, part)
         part.replace(file)
     except (OSError, RuntimeError) as error:  # netCDF4 raises RuntimeError for some errors of the disk
         reason = getattr(error, "strerror", None) or error

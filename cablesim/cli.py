@@ -439,7 +439,7 @@ def imu(
     """Write what the IMUs of a result's case would read."""
     from cablesim.batch import check_writable
     from cablesim.sensors import export_imu_csv, imu_signals
-    from cablesim.trajectory import write
+    from cablesim.trajectory.file import write
 
     output = Path(f"{result.stem}_imu.nc") if output is None else output
     place = None if csv is None else csv / "file" if csv.exists() else csv
@@ -503,14 +503,14 @@ def _dataset_at_start(simulation: Simulation) -> xr.Dataset:
 
 
 def _read_result(path: Path) -> xr.Dataset:
-    from cablesim import trajectory
     from cablesim.batch import OutputError
+    from cablesim.trajectory.file import read
 
     if not path.is_file():
         what = "is a folder" if path.is_dir() else "does not exist"
         raise OutputError(f"{path} {what}. Name a result file, as `cablesim run` writes it.")
     try:
-        return trajectory.read(path)
+        return read(path)
     except Exception as error:  # netCDF4 and xarray raise many kinds for a damaged file
         reason = getattr(error, "strerror", None) or str(error).partition("\n")[0]
         raise OutputError(f"{path} cannot be read as a result (netCDF): {reason}.") from None

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cablesim.case import Case, CaseError
 from cablesim.export import missing_variable
 from cablesim.plot import PlotError, attachment_distances
-from cablesim.trajectory import local_basis
+from cablesim.trajectory.basis import local_basis
 
 Array = NDArray[np.float64]
 

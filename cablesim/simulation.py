@@ -35,7 +35,8 @@ from cablesim.physics.scales import Scales, absolute_tolerances, scene_scales
 from cablesim.physics.winch import material_velocity
 from cablesim.scene import Control, Scene
 from cablesim.statics import InitialState, find_initial_state
-from cablesim.trajectory import History, WinchEvent, build_dataset
+from cablesim.trajectory.dataset import build_dataset
+from cablesim.trajectory.history import History, WinchEvent
 from cablesim.winch import Winding
 
 Array = NDArray[np.float64]

@@ -29,7 +29,7 @@ from cablesim.sensors import (
     read_imu_csv,
 )
 from cablesim.sensors.interpolation import follow_points, read_nodes
-from cablesim.trajectory import local_basis
+from cablesim.trajectory.basis import local_basis
 
 S = np.linspace(0.0, 2.0, 41)
 TIMES = np.linspace(0.0, 3.0, 601)

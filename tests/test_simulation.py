@@ -30,8 +30,8 @@ from cablesim.case import Case, load_case
 from cablesim.integrate import IdaIntegrator, Status
 from cablesim.scene import Scene
 from cablesim.simulation import Observation, Progress, Simulation, simulate
-from cablesim.trajectory import read, write
-from cablesim.variables import VARIABLES
+from cablesim.trajectory.file import read, write
+from cablesim.trajectory.variables import VARIABLES
 
 Array = NDArray[np.float64]
 

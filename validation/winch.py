@@ -39,7 +39,7 @@ from cablesim.scene import (
     Water,
     Winch,
 )
-from cablesim.trajectory import History
+from cablesim.trajectory.history import History
 
 CORNERS = (0.0, 0.5, 8.0, 8.5, 9.0, 18.5, 19.0)  # [s] of the winch cycle's speed
 

@@ -14,7 +14,7 @@ from cablesim.builders.review import STATES_LIMIT, Review
 from cablesim.case import models
 from cablesim.case.errors import Location, suggestion
 from cablesim.scene import Vector
-from cablesim.variables import VARIABLES
+from cablesim.trajectory.variables import VARIABLES
 
 _MARKERS = 100_000  # most places whose positions are kept
 

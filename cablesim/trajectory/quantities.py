@@ -1,27 +1,20 @@
-"""The labelled dataset of a run, in the world frame and the paper's language, and its netCDF file.
+"""Everything that can be said about a run, from its states.
 
-Depends on: scene, mesh, physics.
+Depends on: scene, mesh, physics, history, basis.
 """
 
 from __future__ import annotations
 
-import datetime
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from cablesim.mesh import Mesh
 from cablesim.motion import evaluate_pieces
 from cablesim.physics.equations import water_motion
-from cablesim.physics.layout import StateLayout
 from cablesim.physics.model import CableModel
-from cablesim.physics.needs import describe_needs
 from cablesim.physics.parameters import (
     ADDED_NORMAL,
     ADDED_TANGENTIAL,
@@ -35,115 +28,18 @@ from cablesim.physics.parameters import (
     WET_WEIGHT,
 )
 from cablesim.scene import Scene
-from cablesim.variables import VARIABLES
+from cablesim.trajectory.basis import local_basis
+from cablesim.trajectory.history import History
 
 Array = NDArray[np.float64]
 
-CONVENTIONS = "CF-1.11"
-
-
-@dataclass(frozen=True)
-class WinchEvent:
-    """A node that appeared at the winch or went on its drum.
-
-    Attributes
-    ----------
-    time : float
-        [s].
-    change : int
-        +1 for a node that appeared, -1 for one that went.
-    energy_change : float
-        Change of kinetic energy [J].
-    momentum_change : float
-        Size of the change of momentum, added mass included [kg m/s].
-    """
-
-    time: float
-    change: int
-    energy_change: float
-    momentum_change: float
-
-
-class History:
-    """States at the output times, as far as the run came.
-
-    States of a cable on a winch are kept on the mesh of the whole cable, with all that is on the drum
-    drawn together at the winch: segments without length that go on with the last tension and direction.
-    So every formula holds for them as it stands; `build_dataset` takes them out in the end.
-
-    Parameters
-    ----------
-    times : ndarray, shape (k,)
-        Output times [s].
-    layout : StateLayout
-        Of the model, or for a winch that of the whole cable.
-    """
-
-    def __init__(self, times: Array, layout: StateLayout) -> None:
-        self.times = times
-        self.layout = layout
-        self.events: list[WinchEvent] = []
-        self._y = np.empty((times.size, layout.size))
-        self._yp = np.empty((times.size, layout.size))
-        self._segments = np.full(times.size, layout.segments)
-        self._deployed = np.zeros((times.size, 3))
-        self._count = 0
-
-    def record(self, y: Array, yp: Array, deployed: Array | None = None) -> None:
-        """Keep the state of the next output time.
-
-        `deployed` is the deployed length [m] of a winch, its speed [m/s] and acceleration [m/s2].
-        """
-        k = self._count
-        self._fill(self._y[k], y)
-        self._fill(self._yp[k], yp)
-        if deployed is not None:
-            self._segments[k] = (y.size - 2 * self.layout.dimension) // self.layout.cell
-            self._deployed[k] = deployed
-        self._count += 1
-
-    def close(self, t: float, y: Array, yp: Array, deployed: Array | None = None) -> None:
-        """End early: keep the last good state when it is later than the last output."""
-        if t > self.times[self._count - 1]:
-            self.times[self._count] = t
-            self.record(y, yp, deployed)
-        self.times = self.times[: self._count]
-
-    def _fill(self, row: Array, y: Array) -> None:
-        """Write a state, and in the place of missing cells the winch's velocity and the last segment."""
-        if y.size == row.size:
-            row[:] = y
-            return
-        d, cell = self.layout.dimension, self.layout.cell
-        there = y.size - 2 * d
-        row[:there], row[-2 * d :] = y[:there], y[there:]
-        on_drum = row[there : -2 * d].reshape(-1, cell)
-        on_drum[:, :d], on_drum[:, d:] = y[there : there + d], y[there - cell + d : there]
-
-    @property
-    def y(self) -> Array:
-        """States, shape (recorded, size)."""
-        return self._y[: self._count]
-
-    @property
-    def yp(self) -> Array:
-        """Their rates, shape (recorded, size)."""
-        return self._yp[: self._count]
-
-    @property
-    def segments(self) -> NDArray[np.int64]:
-        """Segments deployed, shape (recorded,)."""
-        return self._segments[: self._count]
-
-    @property
-    def deployed(self) -> Array:
-        """Deployed length, its speed and acceleration, shape (recorded, 3)."""
-        return self._deployed[: self._count]
-
 
 @dataclass(frozen=True, eq=False)
-class _Quantities:
-    """Everything that can be said about a history; each property is computed when first asked for."""
+class Quantities:
+    """Everything that can be said about a history; each property is computed when first asked for.
+
+    Those that end in the dataset are described in `variables`.
+    """
 
     scene: Scene
     mesh: Mesh
@@ -495,130 +391,3 @@ class _Quantities:
         coefficients = getattr(self.model.parameters, f"coefficients_{name}")
         piece = np.clip(np.searchsorted(breaks, self.times, side="right") - 1, 0, len(coefficients) - 1)
         return evaluate_pieces(coefficients[piece], self.times - breaks[piece], derivative)
-
-
-def local_basis(tangent: Array) -> tuple[Array, Array]:
-    """Unit vectors n and b of the paper's local frame (Fig. 2, psi = -pi/2) for tangents t.
-
-    With t = (cos phi cos theta, -sin theta, -sin phi cos theta) (8): n = (-sin phi, 0, -cos phi) and
-    b = t x n.  Along +-y, where phi is not defined, n points down.
-
-    Parameters
-    ----------
-    tangent : ndarray, shape (..., 3)
-        Unit tangents.
-
-    Returns
-    -------
-    normal, binormal : ndarray, shape (..., 3)
-        Unit vectors.
-    """
-    cos_theta = np.hypot(tangent[..., 0], tangent[..., 2])
-    safe = np.where(cos_theta > 1e-12, cos_theta, 1.0)
-    normal = np.zeros_like(tangent)
-    normal[..., 0] = tangent[..., 2] / safe
-    normal[..., 2] = np.where(cos_theta > 1e-12, -tangent[..., 0] / safe, -1.0)
-    return normal, np.cross(tangent, normal)
-
-
-def build_dataset(
-    scene: Scene, mesh: Mesh, model: CableModel, history: History, attributes: Mapping[str, object]
-) -> xr.Dataset:
-    """Dataset of a run.
-
-    Parameters
-    ----------
-    scene, mesh, model
-        What was simulated; for a winch the mesh and the model of the whole cable.
-    history : History
-        States at the output times.
-    attributes : dict
-        Status and statistics of the run, kept as attributes.
-
-    Returns
-    -------
-    xarray.Dataset
-        The variables that the scene's output asks for.
-    """
-    quantities = _Quantities(scene, mesh, model, history)
-    wanted = scene.output.variables or tuple(VARIABLES)
-    data = {}
-    for name in wanted:
-        variable = VARIABLES[name]
-        if variable.needed(scene):
-            attrs = {"units": variable.units, "long_name": variable.long_name}
-            values = getattr(quantities, name)
-            if scene.winch is not None:
-                values = _without_drum(values, variable.dimensions, history.segments)
-            data[name] = (variable.dimensions, values, attrs)
-    return xr.Dataset(data, _coordinates(scene, mesh, history), _attributes(scene, model, attributes))
-
-
-def _without_drum(values: Array, dimensions: tuple[str, ...], segments: NDArray[np.int64]) -> Array:
-    """NaN for what is on the drum; the last slot is that of the winch, and of the segment that ends there."""
-    if "node" in dimensions:
-        slots = np.arange(values.shape[1])
-        on_drum = (slots >= segments[:, None]) & (slots < slots[-1])
-    elif "segment" in dimensions:
-        slots = np.arange(values.shape[1])
-        values = values.copy()
-        values[:, -1] = values[np.arange(len(values)), segments - 1]
-        on_drum = (slots >= segments[:, None] - 1) & (slots < slots[-1])
-    else:
-        return values
-    return np.where(on_drum.reshape(on_drum.shape + (1,) * (values.ndim - 2)), np.nan, values)
-
-
-def _coordinates(scene: Scene, mesh: Mesh, history: History) -> dict[str, object]:
-    middle = 0.5 * (mesh.nodes[1:] + mesh.nodes[:-1])
-    material = "unstretched material coordinate from end A"
-    coordinates: dict[str, object] = {
-        "time": ("time", history.times, {"units": "s", "long_name": "simulated time", "axis": "T"}),
-        "s": ("node", mesh.nodes, {"units": "m", "long_name": f"{material}, nodes"}),
-        "s_segment": ("segment", middle, {"units": "m", "long_name": f"{material}, middle of segments"}),
-        "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the world frame, z up"}),
-        "end": ("end", ["a", "b"], {"long_name": "end of the cable"}),
-    }
-    if scene.attachments:
-        names = [attachment.name for attachment in scene.attachments]
-        coordinates["attachment"] = ("attachment", names, {"long_name": "name of the attachment"})
-    if scene.output.markers.size:
-        marker_attributes = {"units": "m", "long_name": f"{material}, markers"}
-        coordinates["marker_s"] = ("marker", scene.output.markers, marker_attributes)
-    return coordinates
-
-
-def _attributes(scene: Scene, model: CableModel, attributes: Mapping[str, object]) -> dict[str, object]:
-    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-    return {
-        "Conventions": CONVENTIONS,
-        "title": scene.name,
-        "source": f"cablesim {version('cablesim')}",
-        "history": f"{now} simulated",
-        **attributes,
-        "skipped": "; ".join(f"{name}: {words}" for name, words in describe_needs(model.features).items()),
-        "case": scene.source,
-    }
-
-
-def write(dataset: xr.Dataset, path: str | Path) -> None:
-    """Write a trajectory to a netCDF-4 file.
-
-    Raises
-    ------
-    OSError
-        When the file cannot be written.
-    """
-    dataset.to_netcdf(path, engine="netcdf4")
-
-
-def read(path: str | Path) -> xr.Dataset:
-    """Read a trajectory written by `write`.
-
-    Raises
-    ------
-    OSError
-        When the file is missing or is not netCDF.
-    """
-    with xr.open_dataset(path, engine="netcdf4") as dataset:
-        return dataset.load()

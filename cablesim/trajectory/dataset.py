@@ -1,0 +1,106 @@
+"""The labelled dataset of a run, in the world frame and the paper's language.
+
+Depends on: history, quantities, variables.
+"""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Mapping
+from importlib.metadata import version
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from cablesim.mesh import Mesh
+from cablesim.physics.model import CableModel
+from cablesim.physics.needs import describe_needs
+from cablesim.scene import Scene
+from cablesim.trajectory.history import History
+from cablesim.trajectory.quantities import Quantities
+from cablesim.trajectory.variables import VARIABLES
+
+Array = NDArray[np.float64]
+
+CONVENTIONS = "CF-1.11"
+
+
+def build_dataset(
+    scene: Scene, mesh: Mesh, model: CableModel, history: History, attributes: Mapping[str, object]
+) -> xr.Dataset:
+    """Dataset of a run.
+
+    Parameters
+    ----------
+    scene, mesh, model
+        What was simulated; for a winch the mesh and the model of the whole cable.
+    history : History
+        States at the output times.
+    attributes : dict
+        Status and statistics of the run, kept as attributes.
+
+    Returns
+    -------
+    xarray.Dataset
+        The variables that the scene's output asks for.
+    """
+    quantities = Quantities(scene, mesh, model, history)
+    wanted = scene.output.variables or tuple(VARIABLES)
+    data = {}
+    for name in wanted:
+        variable = VARIABLES[name]
+        if variable.needed(scene):
+            attrs = {"units": variable.units, "long_name": variable.long_name}
+            values = getattr(quantities, name)
+            if scene.winch is not None:
+                values = _without_drum(values, variable.dimensions, history.segments)
+            data[name] = (variable.dimensions, values, attrs)
+    return xr.Dataset(data, _coordinates(scene, mesh, history), _attributes(scene, model, attributes))
+
+
+def _without_drum(values: Array, dimensions: tuple[str, ...], segments: NDArray[np.int64]) -> Array:
+    """NaN for what is on the drum; the last slot is that of the winch, and of the segment that ends there."""
+    if "node" in dimensions:
+        slots = np.arange(values.shape[1])
+        on_drum = (slots >= segments[:, None]) & (slots < slots[-1])
+    elif "segment" in dimensions:
+        slots = np.arange(values.shape[1])
+        values = values.copy()
+        values[:, -1] = values[np.arange(len(values)), segments - 1]
+        on_drum = (slots >= segments[:, None] - 1) & (slots < slots[-1])
+    else:
+        return values
+    return np.where(on_drum.reshape(on_drum.shape + (1,) * (values.ndim - 2)), np.nan, values)
+
+
+def _coordinates(scene: Scene, mesh: Mesh, history: History) -> dict[str, object]:
+    middle = 0.5 * (mesh.nodes[1:] + mesh.nodes[:-1])
+    material = "unstretched material coordinate from end A"
+    coordinates: dict[str, object] = {
+        "time": ("time", history.times, {"units": "s", "long_name": "simulated time", "axis": "T"}),
+        "s": ("node", mesh.nodes, {"units": "m", "long_name": f"{material}, nodes"}),
+        "s_segment": ("segment", middle, {"units": "m", "long_name": f"{material}, middle of segments"}),
+        "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the world frame, z up"}),
+        "end": ("end", ["a", "b"], {"long_name": "end of the cable"}),
+    }
+    if scene.attachments:
+        names = [attachment.name for attachment in scene.attachments]
+        coordinates["attachment"] = ("attachment", names, {"long_name": "name of the attachment"})
+    if scene.output.markers.size:
+        marker_attributes = {"units": "m", "long_name": f"{material}, markers"}
+        coordinates["marker_s"] = ("marker", scene.output.markers, marker_attributes)
+    return coordinates
+
+
+def _attributes(scene: Scene, model: CableModel, attributes: Mapping[str, object]) -> dict[str, object]:
+    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    return {
+        "Conventions": CONVENTIONS,
+        "title": scene.name,
+        "source": f"cablesim {version('cablesim')}",
+        "history": f"{now} simulated",
+        **attributes,
+        "skipped": "; ".join(f"{name}: {words}" for name, words in describe_needs(model.features).items()),
+        "case": scene.source,
+    }
