@@ -1,0 +1,5 @@
+"""``python -m cablesim``."""
+
+from cablesim.cli import main
+
+main()

@@ -1,0 +1,5 @@
+"""``python -m cablesim.cli``."""
+
+from cablesim.cli import main
+
+main()
