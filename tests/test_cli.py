@@ -335,7 +335,7 @@ def interrupted(arguments, *, whole_group, after):
 @pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
 def test_ctrl_c_leaves_a_readable_result(moving):
     assert call("run", moving, "-o", "warm_up.nc").exit_code == 0  # compiled now
-    code, out, err = interrupted(["run", moving, *LONG], whole_group=False, after=4)
+    code, out, err = interrupted(["run", moving, *LONG], whole_group=False, after=9)
     assert code == 130
     assert "moving.yaml: interrupted, " in out
     assert "what was computed is kept" in err
@@ -352,7 +352,7 @@ def test_ctrl_c_leaves_readable_results_of_runs_side_by_side(moving, sway, whole
     assert call("run", moving, "-o", "warm_up.nc").exit_code == 0
     Path("second.yaml").write_text(Path(moving).read_text())
     arguments = ["run", moving, "second.yaml", sway, "--jobs", "2", *LONG]
-    code, out, err = interrupted(arguments, whole_group=whole_group, after=6)
+    code, out, err = interrupted(arguments, whole_group=whole_group, after=12)
     assert code == 130
     assert_readable_to_people(out, err)
     for name in ("moving", "second"):
