@@ -61,6 +61,7 @@ def build_scene(case: Case, *, directory: str | Path | None = None) -> scene.Sce
         duration=case.simulation.duration,
         numerics=_numerics(case.simulation),
         output=parts["output"],
+        description=case.description,
         source=case.to_yaml(),
         winch=parts["winch"],
     )

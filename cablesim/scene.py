@@ -9,7 +9,7 @@ unstretched material coordinate measured from end A, angles are in radians.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -341,19 +341,35 @@ class Numerics:
 
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """What is kept: every `interval` seconds, the named `variables` (empty: all), `markers` at s."""
+    """What is kept of a run.
+
+    Attributes
+    ----------
+    interval : float
+        Time between two kept states [s].
+    variables : tuple of str
+        Their names; empty: all.
+    markers : ndarray, shape (m,)
+        Material coordinates whose positions are kept [m].
+    precision : {'double', 'single'}
+        Of the numbers.
+    attributes : dict
+        Global attributes of the file that the user gives.
+    """
 
     interval: float
     variables: tuple[str, ...] = ()
     markers: Vector = field(default_factory=lambda: np.empty(0))
+    precision: str = "double"
+    attributes: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
     """Everything one simulation needs.
 
-    `gravity` [m/s2] acts along -z; `source` is the case as text, kept with the results; `winch` is
-    ``None`` for a cable of fixed length.
+    `gravity` [m/s2] acts along -z; `description` says what the case shows and `source` is the case as
+    text, both kept with the results; `winch` is ``None`` for a cable of fixed length.
     """
 
     name: str
@@ -369,6 +385,7 @@ class Scene:
     duration: float
     numerics: Numerics
     output: Output
+    description: str = ""
     source: str = ""
     winch: Winch | None = None
 

@@ -1,6 +1,6 @@
 """What a case keeps of its run.
 
-Depends on: review, case, scene, variables.
+Depends on: review, case, scene, and the names of what a trajectory holds.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from cablesim.builders.review import STATES_LIMIT, Review
 from cablesim.case import models
 from cablesim.case.errors import Location, suggestion
 from cablesim.scene import Vector
+from cablesim.trajectory.attributes import OF_THE_USER
 from cablesim.trajectory.variables import VARIABLES
 
 _MARKERS = 100_000  # most places whose positions are kept
@@ -42,7 +43,20 @@ def build_output(review: Review) -> scene.Output:
                 "is not a variable of a trajectory",
                 suggestion(name, VARIABLES),
             )
-    return scene.Output(interval=interval, variables=given.variables, markers=_output_markers(review))
+    for name in given.attributes:
+        if name not in OF_THE_USER:
+            review.note(
+                ("output", "attributes", name),
+                "is not an attribute that a case can give",
+                suggestion(name, OF_THE_USER),
+            )
+    return scene.Output(
+        interval=interval,
+        variables=given.variables,
+        markers=_output_markers(review),
+        precision=given.precision,
+        attributes=given.attributes,
+    )
 
 
 def _output_markers(review: Review) -> Vector:

@@ -1,13 +1,11 @@
 """The labelled dataset of a run, in the world frame and the paper's language.
 
-Depends on: history, quantities, variables.
+Depends on: history, quantities, variables, attributes, coordinates.
 """
 
 from __future__ import annotations
 
-import datetime
 from collections.abc import Mapping
-from importlib.metadata import version
 
 import numpy as np
 import xarray as xr
@@ -16,14 +14,14 @@ from numpy.typing import NDArray
 from cablesim.mesh import Mesh
 from cablesim.physics.model import CableModel
 from cablesim.physics.needs import describe_needs
-from cablesim.scene import Scene
+from cablesim.scene import Output, Scene
+from cablesim.trajectory.attributes import global_attributes
+from cablesim.trajectory.coordinates import with_material_indices
 from cablesim.trajectory.history import History
 from cablesim.trajectory.quantities import Quantities
-from cablesim.trajectory.variables import VARIABLES
+from cablesim.trajectory.variables import VARIABLES, Variable
 
 Array = NDArray[np.float64]
-
-CONVENTIONS = "CF-1.11"
 
 
 def build_dataset(
@@ -51,12 +49,27 @@ def build_dataset(
     for name in wanted:
         variable = VARIABLES[name]
         if variable.needed(scene):
-            attrs = {"units": variable.units, "long_name": variable.long_name}
             values = getattr(quantities, name)
             if scene.winch is not None:
                 values = _without_drum(values, variable.dimensions, history.segments)
-            data[name] = (variable.dimensions, values, attrs)
-    return xr.Dataset(data, _coordinates(scene, mesh, history), _attributes(scene, model, attributes))
+            data[name] = (variable.dimensions, _rounded(values, scene.output), _described(variable))
+    skipped = describe_needs(model.features)
+    given = global_attributes(scene, history.times, skipped, attributes)
+    return with_material_indices(xr.Dataset(data, _coordinates(scene, mesh, history), given))
+
+
+def _rounded(values: Array, output: Output) -> Array:
+    """Values in the precision that is asked for; counts stay whole numbers."""
+    single = output.precision == "single" and values.dtype.kind == "f"
+    return values.astype(np.float32) if single else values
+
+
+def _described(variable: Variable) -> dict[str, str]:
+    return {
+        "units": variable.units,
+        "long_name": variable.long_name,
+        "coverage_content_type": "modelResult",
+    }
 
 
 def _without_drum(values: Array, dimensions: tuple[str, ...], segments: NDArray[np.int64]) -> Array:
@@ -74,11 +87,11 @@ def _without_drum(values: Array, dimensions: tuple[str, ...], segments: NDArray[
     return np.where(on_drum.reshape(on_drum.shape + (1,) * (values.ndim - 2)), np.nan, values)
 
 
-def _coordinates(scene: Scene, mesh: Mesh, history: History) -> dict[str, object]:
+def _coordinates(scene: Scene, mesh: Mesh, history: History) -> dict[str, tuple[str, object, dict[str, str]]]:
     middle = 0.5 * (mesh.nodes[1:] + mesh.nodes[:-1])
     material = "unstretched material coordinate from end A"
-    coordinates: dict[str, object] = {
-        "time": ("time", history.times, {"units": "s", "long_name": "simulated time", "axis": "T"}),
+    coordinates: dict[str, tuple[str, object, dict[str, str]]] = {
+        "time": ("time", history.times, {"units": "s", "long_name": "time since the start of the run"}),
         "s": ("node", mesh.nodes, {"units": "m", "long_name": f"{material}, nodes"}),
         "s_segment": ("segment", middle, {"units": "m", "long_name": f"{material}, middle of segments"}),
         "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the world frame, z up"}),
@@ -90,17 +103,6 @@ def _coordinates(scene: Scene, mesh: Mesh, history: History) -> dict[str, object
     if scene.output.markers.size:
         marker_attributes = {"units": "m", "long_name": f"{material}, markers"}
         coordinates["marker_s"] = ("marker", scene.output.markers, marker_attributes)
+    for _, _, attributes in coordinates.values():
+        attributes["coverage_content_type"] = "coordinate"
     return coordinates
-
-
-def _attributes(scene: Scene, model: CableModel, attributes: Mapping[str, object]) -> dict[str, object]:
-    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-    return {
-        "Conventions": CONVENTIONS,
-        "title": scene.name,
-        "source": f"cablesim {version('cablesim')}",
-        "history": f"{now} simulated",
-        **attributes,
-        "skipped": "; ".join(f"{name}: {words}" for name, words in describe_needs(model.features).items()),
-        "case": scene.source,
-    }

@@ -79,3 +79,10 @@ class Output(Part):
         | Annotated[SpacedMarkers, Tag("spaced")],
         Discriminator(_markers_tag),
     ] = Field(default=(), description="material coordinates whose positions are kept [m], or a rule for them")
+    precision: Literal["double", "single"] = Field(
+        default="double", description="of the numbers kept; single (7 digits) halves memory and file"
+    )
+    attributes: dict[str, Annotated[str, Field(min_length=1)]] = Field(
+        default_factory=dict,
+        description="global attributes of the file after ACDD, such as creator_name, institution, license",
+    )
