@@ -466,7 +466,6 @@ class Simulation:
         """Let a node come or go, and restart the integrator."""
         assert self._winding is not None
         before, y = self.model, self._y
-        before.residual(self._time, y, self._yp, np.empty_like(y))  # sets the loads of this time
         energy, momentum = self._motion_of(before, y)
         status, y = self._winding.cross(self._time, self._y, self._yp)
         if status is not Status.COMPLETED:
@@ -485,7 +484,7 @@ class Simulation:
         return status
 
     def _motion_of(self, model: CableModel, y: Array) -> tuple[float, Array]:
-        return model.kinetic_energy_and_momentum(y, material_velocity(self._time, y, model))
+        return model.kinetic_energy_and_momentum(self._time, y, material_velocity(self._time, y, model))
 
     def _sample_controller(self) -> Status:
         """Ask the controller when it is time to, and let the winch's speed go to its answer evenly."""

@@ -27,8 +27,11 @@ from cablesim.motion import FOREVER
 from cablesim.physics.model import CableModel, build_model
 from cablesim.physics.needs import scene_frame
 from cablesim.physics.parameters import (
+    DRAG_NORMAL,
     DRAG_POINT,
+    DRAG_TANGENTIAL,
     EA_,
+    EI_,
     WET_WEIGHT,
 )
 from cablesim.scene import (
@@ -333,7 +336,7 @@ def _state_of(guess: Guess, model: CableModel, scene: Scene) -> Array:
     y = np.zeros(layout.size)
     strain = guess.tension / scene.cable.axial_stiffness
     layout.chord(y)[:] = (
-        model.frame.vectors_in(guess.directions) * ((1.0 + strain) * model.unstretched)[:, None]
+        model.frame.vectors_in(guess.directions) * ((1.0 + strain) * model.unstretched(0.0))[:, None]
     )
     layout.tension(y)[:] = guess.tension
     if scene.end_a.motion is None:
@@ -356,7 +359,7 @@ def _start_of_end_b(scene: Scene, model: CableModel) -> Array:
 
 
 def _sum_of_chords(y: Array, model: CableModel) -> Array:
-    return model.parameters.segments[:, 1] @ model.layout.chord(y)
+    return model.parameters.lengths @ model.layout.chord(y)
 
 
 def _close(y: Array, model: CableModel, strain: Array) -> bool:
@@ -366,7 +369,7 @@ def _close(y: Array, model: CableModel, strain: Array) -> bool:
     stretched evenly further, and holds the tension that goes with it.
     """
     features, layout = model.features, model.layout
-    lengths = model.parameters.segments[:, 0] * (1.0 + strain)
+    lengths = model.lengths(0.0) * (1.0 + strain)
     directions = layout.chord(y) / np.linalg.norm(layout.chord(y), axis=1)[:, None]
     taut = 1.0
     if not (features.free_a or features.free_b):
@@ -374,7 +377,7 @@ def _close(y: Array, model: CableModel, strain: Array) -> bool:
         taut = max(1.0, float(np.linalg.norm(target)) / lengths.sum())
         directions = _turned(directions, lengths, target / taut)
     strain = taut * (1.0 + strain) - 1.0
-    layout.chord(y)[:] = ((1.0 + strain) * model.unstretched)[:, None] * directions
+    layout.chord(y)[:] = ((1.0 + strain) * model.unstretched(0.0))[:, None] * directions
     layout.tension(y)[:] = model.parameters.constants[0] * strain
     if not features.free_a:
         layout.end_place(y)[:] = _sum_of_chords(y, model)
@@ -432,12 +435,12 @@ def _momentum_tension(y: Array, model: CableModel) -> Array:
     free = np.ones(n + 1)
     free[0], free[n] = float(model.features.free_a), float(model.features.free_b)
     rows = np.concatenate((layout.velocity(force), layout.end_velocity(force)[None]))
-    acceleration = -model.accelerations(y, rows) * free[:, None]
-    right = free[1:, None] * model.accelerations(y, tangent, slice(1, None))
-    left = free[:-1, None] * model.accelerations(y, tangent, slice(0, n))
+    acceleration = -model.accelerations(0.0, y, rows) * free[:, None]
+    right = free[1:, None] * model.accelerations(0.0, y, tangent, slice(1, None))
+    left = free[:-1, None] * model.accelerations(0.0, y, tangent, slice(0, n))
     diagonal = np.sum(tangent * (left + right), axis=1)
     coupling = -np.sum(
-        tangent[1:] * free[1:-1, None] * model.accelerations(y, tangent[:-1], slice(1, n)), axis=1
+        tangent[1:] * free[1:-1, None] * model.accelerations(0.0, y, tangent[:-1], slice(1, n)), axis=1
     )
     diagonal += 1e-12 * diagonal.max()
     band = np.stack((np.concatenate(([0.0], coupling)), diagonal))
@@ -466,7 +469,7 @@ def _set_velocities(y: Array, scene: Scene, model: CableModel) -> None:
     if first is None or last is None:
         return
     layout = model.layout
-    share = np.concatenate(([0.0], np.cumsum(model.parameters.segments[:, 0])))
+    share = np.concatenate(([0.0], np.cumsum(model.lengths(0.0))))
     share /= share[-1]
     velocity = np.outer(1.0 - share, model.frame.vectors_in(first)) + np.outer(
         share, model.frame.vectors_in(last)
@@ -493,7 +496,7 @@ def _resumed(saved: SavedState, scene: Scene, mesh: Mesh, model: CableModel) -> 
     change = np.diff(layout.node_velocity(y), axis=0)
     stretching = np.sum(change * layout.chord(y), axis=1) / (size * mesh.lengths)
     stiffness, tau, beta = constants[0], constants[2], constants[3]
-    rate = stiffness * (stretching + beta * (size / model.unstretched - 1.0))
+    rate = stiffness * (stretching + beta * (size / model.unstretched(0.0) - 1.0))
     layout.tension(y)[:] = (force - tau * rate) / (1.0 - tau * beta)
     model.impose_end_velocities(0.0, y)
     search = _Search(model, np.zeros(layout.dimension))
@@ -543,7 +546,7 @@ class _Search:
         """A slack cable that bends, or weighs nothing, has many rest shapes: go downhill to a stable one."""
         if self.model.features.bending:
             return True
-        return float(np.abs(self.model.parameters.nodes[1:-1, WET_WEIGHT]).max()) == 0.0
+        return float(np.abs(self.model.loads(0.0)[1:-1, WET_WEIGHT]).max()) == 0.0
 
     def _balanced(self, y: Array) -> bool:
         return bool(np.isfinite(y).all()) and self.unbalanced_force(y) <= REST_TOLERANCE * self._force_scale(
@@ -553,10 +556,13 @@ class _Search:
     def _force_scale(self, y: Array) -> float:
         """Largest of tensions, total weight and total drag [N]."""
         parameters, layout = self.model.parameters, self.model.layout
-        weight = np.abs(parameters.nodes[:, WET_WEIGHT]).sum()
-        bending = parameters.constants[1] / parameters.segments[:, 0].sum() ** 2
+        loads = self.model.loads(0.0)
+        weight = np.abs(loads[:, WET_WEIGHT]).sum()
+        bending = parameters.constants[EI_] / self.model.lengths(0.0).sum() ** 2
         current = parameters.current_velocity
-        drag = (parameters.nodes[:, 4:7].sum()) * float((current**2).sum(axis=-1).max())
+        drag = loads[:, [DRAG_NORMAL, DRAG_TANGENTIAL, DRAG_POINT]].sum() * float(
+            (current**2).sum(axis=-1).max()
+        )
         rounding = 1e-9 * parameters.constants[EA_]  # a slack cable without weight holds no force at all
         return max(weight, bending, drag, float(np.abs(layout.tension(y)).max()), rounding)
 
@@ -662,13 +668,6 @@ def _stopped(model: CableModel, velocity: Array):
 
 def _loaded(model: CableModel, load: float):
     """Parameters with a share of the point loads and of the current; the bare cable at 0."""
-    nodes = model.parameters.nodes.copy()
-    bare = np.median(nodes[1:-1, WET_WEIGHT] / _node_lengths(model)[1:-1]) * _node_lengths(model)
-    nodes[:, WET_WEIGHT] = bare + load * (nodes[:, WET_WEIGHT] - bare)
-    nodes[:, DRAG_POINT] *= load
-    return model.parameters._replace(nodes=nodes, current_velocity=load * model.parameters.current_velocity)
-
-
-def _node_lengths(model: CableModel) -> Array:
-    halves = 0.5 * model.parameters.segments[:, 0]
-    return np.concatenate((halves, [0.0])) + np.concatenate(([0.0], halves))
+    bodies = model.parameters.bodies.copy()
+    bodies[:, [WET_WEIGHT, DRAG_POINT]] *= load
+    return model.parameters._replace(bodies=bodies, current_velocity=load * model.parameters.current_velocity)

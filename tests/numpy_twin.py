@@ -106,32 +106,38 @@ def bending_energy(scene: Scene, mesh: Mesh, q: Array) -> float:
 
 def inertia_drag_and_weight(scene: Scene, mesh: Mesh, t: float, state: Unknowns, rate: Unknowns) -> Array:
     """All of the balance of forces that does not come from the segments' pull."""
-    cable, rho = scene.cable, scene.water.density
-    length = mesh.node_lengths[:, None]
-    tangent = node_tangents(state.q)
     U, A = water(scene, t, places(scene, mesh, t, state))
-    v_n, v_t = split(state.V - U, tangent)
-    a_n, a_t = split(rate.V - A, tangent)
-    fluid = rho * cable.displaced_section * length
-    rows = cable.mass_per_length * length * rate.V - fluid * A
-    rows += fluid * (cable.added_mass_normal * a_n + cable.added_mass_tangential * a_t)
-    rows += 0.5 * rho * cable.drag_normal * cable.diameter * length * size(v_n) * v_n
-    rows += 0.5 * rho * cable.drag_tangential * np.pi * cable.diameter * length * size(v_t) * v_t
-    rows += cable.wet_weight * length * np.array([0.0, 0.0, 1.0])
-    for index, j in mesh.in_water():
-        attachment = scene.attachments[index]
-        v, displaced = state.V[j] - U[j], rho * attachment.volume
-        rows[j] += attachment.mass * rate.V[j] - displaced * A[j]
-        rows[j] += attachment.added_mass * displaced * (rate.V[j] - A[j])
-        rows[j] += 0.5 * rho * attachment.drag_area * np.linalg.norm(v) * v
-        rows[j, 2] += (attachment.mass - displaced) * scene.gravity
+    v, a = state.V - U, rate.V - A
+    rows = bodies(scene, mesh, v, rate.V, A)
+    tangent, half = unit(state.q), 0.5 * mesh.lengths[:, None]
+    for ends in (slice(0, -1), slice(1, None)):  # the half segments after, and before, their nodes
+        rows[ends] += half * per_metre(scene, tangent, v[ends], a[ends], rate.V[ends], A[ends])
     return rows
 
 
-def node_tangents(q: Array) -> Array:
-    """Mean tangent of the neighbouring segments."""
-    tangent = unit(q)
-    return unit(np.vstack((tangent, np.zeros(3))) + np.vstack((np.zeros(3), tangent)))
+def per_metre(scene: Scene, tangent: Array, v: Array, a: Array, V_rate: Array, A: Array) -> Array:
+    """Of bare cable with these tangents; v and a are relative to the water."""
+    cable, rho = scene.cable, scene.water.density
+    fluid = rho * cable.displaced_section
+    (v_n, v_t), (a_n, a_t) = split(v, tangent), split(a, tangent)
+    rows = cable.mass_per_length * V_rate - fluid * A
+    rows += fluid * (cable.added_mass_normal * a_n + cable.added_mass_tangential * a_t)
+    rows += 0.5 * rho * cable.drag_normal * cable.diameter * size(v_n) * v_n
+    rows += 0.5 * rho * cable.drag_tangential * np.pi * cable.diameter * size(v_t) * v_t
+    return rows + cable.wet_weight * np.array([0.0, 0.0, 1.0])
+
+
+def bodies(scene: Scene, mesh: Mesh, v: Array, V_rate: Array, A: Array) -> Array:
+    """Of the attachments, on their nodes."""
+    rows = np.zeros_like(v)
+    for index, j in mesh.in_water():
+        attachment = scene.attachments[index]
+        displaced = scene.water.density * attachment.volume
+        rows[j] += attachment.mass * V_rate[j] - displaced * A[j]
+        rows[j] += attachment.added_mass * displaced * (V_rate[j] - A[j])
+        rows[j] += 0.5 * scene.water.density * attachment.drag_area * np.linalg.norm(v[j]) * v[j]
+        rows[j, 2] += (attachment.mass - displaced) * scene.gravity
+    return rows
 
 
 def places(scene: Scene, mesh: Mesh, t: float, state: Unknowns) -> Array:

@@ -32,6 +32,7 @@ from scipy.linalg import eig, eigh
 from scipy.special import jn_zeros
 
 from cablesim.mesh import build_mesh
+from cablesim.physics.parameters import MASS
 from cablesim.scene import MeshRules, Numerics, Scene
 from cablesim.simulation import Simulation, simulate
 from cablesim.statics import find_initial_state
@@ -264,7 +265,7 @@ def thrown() -> Simulation:
 def test_free_cable_in_vacuum_keeps_its_momentum() -> None:
     simulation = thrown()
     result = simulation.run()
-    mass = simulation.model.parameters.nodes[:, 0]
+    mass = simulation.model.loads(0.0)[:, MASS]
     t = result.time.values[:, None]
     momentum = mass @ result.velocity.values + mass.sum() * G * t * [0.0, 0.0, 1.0]
     np.testing.assert_allclose(momentum, np.broadcast_to(momentum[0], momentum.shape), rtol=0, atol=1e-7)
@@ -274,7 +275,7 @@ def test_free_cable_in_vacuum_keeps_its_angular_momentum() -> None:
     """About its centre of mass; its shape changes all the while."""
     simulation = thrown()
     result = simulation.run()
-    mass = simulation.model.parameters.nodes[:, 0]
+    mass = simulation.model.loads(0.0)[:, MASS]
     share = mass / mass.sum()
     arm = result.position.values - np.einsum("n,tnc->tc", share, result.position.values)[:, None]
     spin = np.einsum("n,tnc->tc", mass, np.cross(arm, result.velocity.values))

@@ -28,6 +28,7 @@ from scenes import (
 from cablesim.build import build_scene
 from cablesim.case import Case, load_case
 from cablesim.integrate import IdaIntegrator, Status
+from cablesim.physics.parameters import MASS
 from cablesim.scene import Scene
 from cablesim.simulation import Observation, Progress, Simulation, simulate
 from cablesim.trajectory.file import read, write
@@ -367,7 +368,7 @@ def test_end_forces_accelerate_the_whole() -> None:
     )
     simulation = Simulation(case)
     result = simulation.run()
-    mass = simulation.model.parameters.nodes[:, 0]
+    mass = simulation.model.loads(0.0)[:, MASS]
     change = np.einsum("n,tnc->tc", mass, result.acceleration.values)
     push = -result.end_force.values.sum(axis=1) - mass.sum() * 9.81 * np.array([0.0, 0.0, 1.0])
     np.testing.assert_allclose(push, change, rtol=0, atol=1e-3 * np.abs(push).max())

@@ -20,6 +20,7 @@ from cablesim.mesh import FEWEST, LONGEST_BEYOND, ON_DRUM, SHORTEST, build_mesh
 from cablesim.motion import earliest_fall, payout_waypoints, recorded_length
 from cablesim.physics.model import CableModel, build_model
 from cablesim.physics.needs import SPACE
+from cablesim.physics.parameters import MASS
 from cablesim.physics.winch import insert_node, material_velocity, remove_node
 from cablesim.saved_state import read_saved_state
 from cablesim.scene import Control, Scene, Winch
@@ -129,11 +130,9 @@ def on_chord(old: CableModel, new: CableModel, y: Array) -> Array:
 def test_insertion_keeps_closure_length_and_mass() -> None:
     old, new, y, length = hanging()
     after = after_insertion(old, new, y)
-    for model, state in ((old, y), (new, after)):
-        model.consistent_rates(0.0, state)  # sets the loads of this time
     np.testing.assert_allclose(chord_sum(new, after), chord_sum(old, y), rtol=0, atol=1e-15)
-    assert new.parameters.segments[:, 0].sum() == pytest.approx(length, rel=1e-15)
-    mass = [model.parameters.nodes[:, 0].sum() for model in (old, new)]
+    assert new.lengths(0.0).sum() == pytest.approx(length, rel=1e-15)
+    mass = [model.loads(0.0)[:, MASS].sum() for model in (old, new)]
     assert mass[1] == pytest.approx(mass[0], rel=1e-14)
     np.testing.assert_allclose(after[: old.layout.cell * 19], y[: old.layout.cell * 19], rtol=0, atol=1e-15)
 
@@ -268,12 +267,10 @@ def test_length_mass_and_closure_are_exact() -> None:
     program = simulation.scene.winch.payout
     for t in np.linspace(0.37, 19.5, 40):
         simulation.step(float(t) - simulation.time)
-        y, yp = simulation.state
-        model = simulation.model
-        model.residual(simulation.time, y, yp, np.empty_like(y))
-        length = program.position(simulation.time)[0]
-        assert model.parameters.segments[:, 0].sum() == pytest.approx(length, abs=1e-12)
-        assert model.parameters.nodes[:, 0].sum() == pytest.approx(0.055 * length, abs=1e-12)
+        now, y, model = simulation.time, simulation.state[0], simulation.model
+        length = program.position(now)[0]
+        assert model.lengths(now).sum() == pytest.approx(length, abs=1e-12)
+        assert model.loads(now)[:, MASS].sum() == pytest.approx(0.055 * length, abs=1e-12)
         assert np.linalg.norm(chord_sum(model, y) - model.end_place_and_velocity("b", 0.0)[0]) < 1e-9
     dataset = run()
     assert dataset["closure_error"].max() < 1e-9

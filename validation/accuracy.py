@@ -1,6 +1,7 @@
 """Accuracy against an independent code: scenes S1, S3 and S3v, energy, order in space, slope in tolerance.
 
-Needs the recordings of the peers (see `common.RECORDINGS`); the orders are against our own finest run.
+Needs the recordings of the peers (see `common.RECORDINGS`); the orders are from our own runs, also of a V
+that kinks at its bodies.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import xarray as xr
 import cablesim
 from cablesim.scene import MeshRules, Scene
 
-SCENES = {"S1": "sway", "S3": "pendulum", "S3v": "pendulum_vacuum"}
+SCENES = {"S1": "sway", "S3": "pendulum", "S3v": "pendulum_vacuum", "kinked V": "kinked_v"}
 
 
 def scene(name: str, *, segment_length: float | None = None, rtol: float | None = None) -> Scene:
@@ -78,13 +79,20 @@ def energy_rows() -> list[dict[str, object]]:
 def order_rows(lengths: tuple[float, ...]) -> list[dict[str, object]]:
     """Order in space from three meshes each, tolerance out of the way (Richardson)."""
     rows = []
-    for name in ("S1", "S3"):
+    for name in ("S1", "S3", "kinked V"):
         runs = [markers(name, segment_length=length, rtol=1e-8) for length in lengths]
         steps = [rms(a, b) for a, b in pairwise(runs)]
         for k in range(len(steps) - 1):
             order = float(np.log2(steps[k] / steps[k + 1]))
             meshes = " / ".join(f"{100 * h:g}" for h in lengths[k : k + 3])
-            rows.append({"scene": name, "meshes [cm]": meshes, "order": round(order, 3)})
+            rows.append(
+                {
+                    "scene": name,
+                    "meshes [cm]": meshes,
+                    "last step [mm]": steps[k + 1],
+                    "order": round(order, 3),
+                }
+            )
     return rows
 
 

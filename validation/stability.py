@@ -38,6 +38,7 @@ from scipy.optimize import brentq
 
 from cablesim import Simulation, StaticsError, read, write
 from cablesim import motion as motions
+from cablesim.physics.parameters import MASS
 from cablesim.scene import (
     Attachment,
     Cable,
@@ -524,7 +525,7 @@ def _same_from_file(dataset: xr.Dataset) -> bool:
 def _mass_error(scene: Scene, simulation: Simulation) -> float:
     """Dry mass on the nodes of the model against that of the scene."""
     mass = scene.cable.mass_per_length * scene.cable.length + sum(a.mass for a in scene.attachments)
-    return abs(float(simulation.model.parameters.nodes[:, 0].sum()) / mass - 1.0)
+    return abs(float(simulation.model.loads(0.0)[:, MASS].sum()) / mass - 1.0)
 
 
 def energy_created(scene: Scene, dataset: xr.Dataset) -> tuple[float, bool]:
@@ -556,7 +557,7 @@ def _turnover(scene: Scene, dataset: xr.Dataset, energies: Vector, ends: Vector)
     """
     held = np.linalg.norm(dataset.end_force.values, axis=-1).max()
     slow_work = float(held) * SLOWEST * scene.duration
-    slow_motion = 0.5 * float(_node_masses(scene, dataset)[0].sum()) * SLOWEST**2
+    slow_motion = 0.5 * float(_node_masses(scene, dataset).sum()) * SLOWEST**2
     moved = max(float(np.ptp(energies, axis=1).max()), float(energies[[0, 3]].max()), float(np.ptp(ends)))
     return moved + TENSION_FACTOR * float(energies[2].max()) + slow_work + slow_motion
 
@@ -598,20 +599,19 @@ def _impulses(scene: Scene, dataset: xr.Dataset) -> Vector:
     work = np.zeros(dataset.sizes["time"])
     masses = (scene.end_a.motion, scene.end_b.motion)
     for end, t in _jumps(scene):
-        node, step = -end, _step_before(dataset, t)
+        last, step = -end, _step_before(dataset, t)  # node, and segment, at this end
         if step + 1 >= work.size:
             continue
         before, after = masses[end].velocity(np.nextafter(t, 0.0)), masses[end].velocity(t)
-        along = _node_tangents(dataset.position.values[[step + 1]])[0, node]
-        mass, anisotropy = _node_masses(scene, dataset)
-        gain = mass[node] * (after @ after - before @ before)
-        gain -= anisotropy[node] * ((after @ along) ** 2 - (before @ along) ** 2)
+        along = _tangents(dataset)[step + 1, last]
+        gain = _node_masses(scene, dataset)[last] * (after @ after - before @ before)
+        gain -= _softer_halves(scene, dataset)[last] * ((after @ along) ** 2 - (before @ along) ** 2)
         work[step + 1 :] += 0.5 * gain
     return work
 
 
-def _node_masses(scene: Scene, dataset: xr.Dataset) -> tuple[Vector, Vector]:
-    """Mass with the normal added mass, and by how much less it is along the cable, of each node [kg]."""
+def _node_masses(scene: Scene, dataset: xr.Dataset) -> Vector:
+    """Mass with the normal added mass of each node [kg]."""
     cable, s = scene.cable, dataset.s.values
     length = 0.5 * (np.append(np.diff(s), 0.0) + np.append(0.0, np.diff(s)))
     displaced = scene.water.density * cable.displaced_section * length
@@ -619,24 +619,30 @@ def _node_masses(scene: Scene, dataset: xr.Dataset) -> tuple[Vector, Vector]:
     for body in scene.attachments:
         node = int(np.abs(s - body.position).argmin())
         mass[node] += body.mass + body.added_mass * scene.water.density * body.volume
-    return mass, (cable.added_mass_normal - cable.added_mass_tangential) * displaced
+    return mass
 
 
-def _node_tangents(positions: Vector) -> Vector:
-    chords = np.diff(positions, axis=-2)
-    tangents = chords / np.linalg.norm(chords, axis=-1, keepdims=True)
-    ends = np.zeros_like(tangents[..., :1, :])
-    mean = np.concatenate((ends, tangents), axis=-2) + np.concatenate((tangents, ends), axis=-2)
-    return mean / np.maximum(np.linalg.norm(mean, axis=-1, keepdims=True), 1e-12)
+def _softer_halves(scene: Scene, dataset: xr.Dataset) -> Vector:
+    """By how much less the added mass of half a segment is along it than across [kg]."""
+    cable = scene.cable
+    displaced = 0.5 * scene.water.density * cable.displaced_section * np.diff(dataset.s.values)
+    return (cable.added_mass_normal - cable.added_mass_tangential) * displaced
+
+
+def _tangents(dataset: xr.Dataset) -> Vector:
+    chords = np.diff(dataset.position.values, axis=1)
+    return chords / np.linalg.norm(chords, axis=-1, keepdims=True)
 
 
 def _added_mass_work(scene: Scene, dataset: xr.Dataset) -> tuple[Vector, float]:
     """Work of the turning added mass, shape (time,), and what may be lost between the samples."""
-    tangent, velocity = _node_tangents(dataset.position.values), dataset.velocity.values
-    turn = np.diff(tangent, axis=0)
-    middle_t, middle_v = 0.5 * (tangent[1:] + tangent[:-1]), 0.5 * (velocity[1:] + velocity[:-1])
-    along, across = (np.einsum("tnc,tnc->tn", middle_v, vector) for vector in (middle_t, turn))
-    steps = -(along * across) @ _node_masses(scene, dataset)[1]
+    tangent, velocity = _tangents(dataset), dataset.velocity.values
+    turn, middle_t = np.diff(tangent, axis=0), 0.5 * (tangent[1:] + tangent[:-1])
+    middle_v = 0.5 * (velocity[1:] + velocity[:-1])
+    steps = np.zeros(turn.shape[0])
+    for v in (middle_v[:, :-1], middle_v[:, 1:]):  # of the halves after, and before, their nodes
+        along, across = (np.einsum("tec,tec->te", v, vector) for vector in (middle_t, turn))
+        steps -= (along * across) @ _softer_halves(scene, dataset)
     return np.append(0.0, np.cumsum(steps)), float(np.sqrt(np.sum((0.5 * np.diff(steps)) ** 2)))
 
 

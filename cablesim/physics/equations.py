@@ -11,7 +11,7 @@ symbol      meaning (paper, Section III; the state is laid out in `physics.layou
 ==========  ===========================================================================
 V, T, q     node velocity, segment tension, segment chord over its reference length
 L           deployed length; the last segment reaches from its material node to the winch
-t           unit tangent q/|q|, from A to B; `m` mean tangent at a node
+t           unit tangent q/|q|, from A to B
 l, l_ref    unstretched and reference length of a segment;  eps = T/EA
 Q           shear force (T_n, T_b of the paper) as a vector, eliminated
 tau         Kelvin-Voigt time, of stretching and of bending;  beta, kappa feedback of strain and closure
@@ -50,10 +50,8 @@ from cablesim.physics.parameters import (
     FLUID_MASS,
     GRIDDED,
     KAPPA_,
-    LENGTH,
     MASS,
     PROFILE,
-    REFERENCE_LENGTH,
     STILL,
     TAU_,
     UNIFORM,
@@ -91,44 +89,44 @@ class Equations(NamedTuple):
 @numba.njit(cache=True, error_model="numpy", inline="never")
 def views(buffer):
     """The arrays inside a buffer made by `physics.parameters.pack`."""
-    h = buffer[:30].astype(np.int64)
-    b = 30
-    a, b = b, b + h[0] * h[1]
-    segments = buffer[a:b].reshape((h[0], h[1]))
+    h = buffer[:28].astype(np.int64)
+    b = 28
+    a, b = b, b + h[0]
+    lengths = buffer[a:b]
+    a, b = b, b + h[1]
+    cable = buffer[a:b]
     a, b = b, b + h[2] * h[3]
-    nodes = buffer[a:b].reshape((h[2], h[3]))
+    bodies = buffer[a:b].reshape((h[2], h[3]))
     a, b = b, b + h[4]
     constants = buffer[a:b]
-    a, b = b, b + h[5] * h[6]
-    winch_loads = buffer[a:b].reshape((h[5], h[6]))
-    a, b = b, b + h[7]
+    a, b = b, b + h[5]
     winch_breaks = buffer[a:b]
-    a, b = b, b + h[8] * h[9] * h[10]
-    winch_coefficients = buffer[a:b].reshape((h[8], h[9], h[10]))
-    a, b = b, b + h[11]
+    a, b = b, b + h[6] * h[7] * h[8]
+    winch_coefficients = buffer[a:b].reshape((h[6], h[7], h[8]))
+    a, b = b, b + h[9]
     breaks_a = buffer[a:b]
-    a, b = b, b + h[12] * h[13] * h[14]
-    coefficients_a = buffer[a:b].reshape((h[12], h[13], h[14]))
-    a, b = b, b + h[15]
+    a, b = b, b + h[10] * h[11] * h[12]
+    coefficients_a = buffer[a:b].reshape((h[10], h[11], h[12]))
+    a, b = b, b + h[13]
     breaks_b = buffer[a:b]
-    a, b = b, b + h[16] * h[17] * h[18]
-    coefficients_b = buffer[a:b].reshape((h[16], h[17], h[18]))
-    a, b = b, b + h[19] * h[20]
-    clamps = buffer[a:b].reshape((h[19], h[20]))
-    a, b = b, b + h[21]
+    a, b = b, b + h[14] * h[15] * h[16]
+    coefficients_b = buffer[a:b].reshape((h[14], h[15], h[16]))
+    a, b = b, b + h[17] * h[18]
+    clamps = buffer[a:b].reshape((h[17], h[18]))
+    a, b = b, b + h[19]
     times = buffer[a:b]
-    a, b = b, b + h[22]
+    a, b = b, b + h[20]
     x = buffer[a:b]
-    a, b = b, b + h[23]
+    a, b = b, b + h[21]
     y = buffer[a:b]
-    a, b = b, b + h[24]
+    a, b = b, b + h[22]
     z = buffer[a:b]
-    velocity = buffer[b:].reshape((h[25], h[26], h[27], h[28], h[29]))
+    velocity = buffer[b:].reshape((h[23], h[24], h[25], h[26], h[27]))
     return Parameters(
-        segments,
-        nodes,
+        lengths,
+        cable,
+        bodies,
         constants,
-        winch_loads,
         winch_breaks,
         winch_coefficients,
         breaks_a,
@@ -157,21 +155,6 @@ def end_motion(breaks, coefficients, t, place, velocity):
             r = r * dt + coefficients[piece, k, c]
         place[c] = r
         velocity[c] = v
-
-
-@numba.njit(cache=True, error_model="numpy")
-def wind(p, t):
-    """Give the winch's segment its length at time t, share it out to its nodes, and return L'."""
-    deployed, payout_speed = np.empty(1), np.empty(1)
-    end_motion(p.winch_breaks, p.winch_coefficients, t, deployed, payout_speed)
-    last = p.segments.shape[0] - 1
-    length = deployed[0] - p.constants[WINCH_START_]
-    p.segments[last, LENGTH] = length
-    for c in range(p.nodes.shape[1]):
-        half = 0.5 * length * p.winch_loads[1, c]
-        p.nodes[last, c] = p.winch_loads[0, c] + half
-        p.nodes[last + 1, c] = half
-    return payout_speed[0]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -260,14 +243,17 @@ def compile_equations(features: Features) -> Equations:
     def build(JACOBIAN):
         def assemble(t, y, yp, c_j, out, base, si, sj, buffer):
             p = views(buffer)
-            n = p.segments.shape[0]
+            n = p.lengths.size
             EA, EI, tau = p.constants[EA_], p.constants[EI_], p.constants[TAU_]
             beta, kappa = p.constants[BETA_], p.constants[KAPPA_]
             end = n * CELL  # first row of the closing cell
 
-            payout_speed = 0.0
+            lengths, payout_speed = p.lengths, 0.0
             if WINCH:
-                payout_speed = wind(p, t)
+                deployed, speed_out = np.empty(1), np.empty(1)
+                end_motion(p.winch_breaks, p.winch_coefficients, t, deployed, speed_out)
+                lengths, payout_speed = p.lengths.copy(), speed_out[0]
+                lengths[n - 1] = deployed[0] - p.constants[WINCH_START_]
 
             # --- chords and tangents -----------------------------------------------------------
             tangent = np.empty((n, D))
@@ -298,7 +284,7 @@ def compile_equations(features: Features) -> Equations:
 
             # --- segments: tension in (2), compatibility (3), tension row -----------------------
             for e in range(n):
-                l, l_ref = p.segments[e, LENGTH], p.segments[e, REFERENCE_LENGTH]
+                l, l_ref = lengths[e], p.lengths[e]
                 iv = e * CELL
                 iT, iq, iv1 = iv + D, iv + D + 1, iv + CELL
                 T = y[iT]
@@ -381,9 +367,9 @@ def compile_equations(features: Features) -> Equations:
                 for j in range(first, last + 1):
                     lbar = 0.0
                     if j > 0:
-                        lbar += 0.5 * p.segments[j - 1, LENGTH]
+                        lbar += 0.5 * lengths[j - 1]
                     if j < n:
-                        lbar += 0.5 * p.segments[j, LENGTH]
+                        lbar += 0.5 * lengths[j]
                     cosine = 0.0
                     for c in range(D):
                         before[c] = bent[j - 1, c] if j > 0 else p.clamps[0, c]
@@ -400,20 +386,20 @@ def compile_equations(features: Features) -> Equations:
                     bottom = (j < n - 1 or FREE_B) and j < n
                     if not JACOBIAN:
                         if j < n:
-                            length = size[j] * p.segments[j, REFERENCE_LENGTH]
+                            length = size[j] * p.lengths[j]
                             for c in range(D):
                                 Q = -k * u[c] / length
                                 out[jb + c] -= Q
                                 out[jb + CELL + c] += Q
                         if j > 0:
-                            length = size[j - 1] * p.segments[j - 1, REFERENCE_LENGTH]
+                            length = size[j - 1] * p.lengths[j - 1]
                             for c in range(D):
                                 Q = -k * w[c] / length
                                 out[ja + c] -= Q
                                 out[ja + CELL + c] += Q
                     else:
                         if j < n:  # Q_j
-                            length = size[j] * p.segments[j, REFERENCE_LENGTH]
+                            length = size[j] * p.lengths[j]
                             for c in range(D):
                                 for d in range(D):
                                     same = 1.0 if c == d else 0.0
@@ -437,7 +423,7 @@ def compile_equations(features: Features) -> Equations:
                                         if bottom:
                                             out[base + (jb + CELL + c) * si + col * sj] += g
                         if j > 0:  # Q_(j-1)
-                            length = size[j - 1] * p.segments[j - 1, REFERENCE_LENGTH]
+                            length = size[j - 1] * p.lengths[j - 1]
                             for c in range(D):
                                 for d in range(D):
                                     same = 1.0 if c == d else 0.0
@@ -461,99 +447,98 @@ def compile_equations(features: Features) -> Equations:
                                             out[base + (jb + c) * si + col * sj] += g
 
             # --- nodes: inertia, weight and drag in the balance of forces (2) -------------------------
-            m, v, a, v_n = np.empty(D), np.empty(D), np.empty(D), np.empty(D)
+            # each half segment is dragged and carries added mass by its own tangent: with the mean of both
+            # the error is of first order in l where the cable kinks
+            m, weight, fluid = p.cable[MASS], p.cable[WET_WEIGHT], p.cable[FLUID_MASS]
+            m_n, m_t = p.cable[ADDED_NORMAL], p.cable[ADDED_TANGENTIAL]
+            k_n, k_t = p.cable[DRAG_NORMAL], p.cable[DRAG_TANGENTIAL]
+            v, a, v_n = np.empty(D), np.empty(D), np.empty(D)
             U, A, place = np.zeros(D), np.zeros(D), np.empty(D)
-            slope = np.empty((D, D))
             if NEEDS_PLACE:
                 for c in range(D):
                     place[c] = r_a[c]
                     if FREE_A:  # positions count back from end B
                         place[c] = y[end + D + c]
                         for e in range(n):
-                            place[c] -= y[e * CELL + D + 1 + c] * p.segments[e, REFERENCE_LENGTH]
+                            place[c] -= y[e * CELL + D + 1 + c] * p.lengths[e]
             elif MOVING_WATER:
                 water_motion(CURRENT, t, place, p, U, A)
             for j in range(n + 1):
                 iv = j * CELL
                 if NEEDS_PLACE and j > 0:
                     for c in range(D):
-                        place[c] += y[iv - D + c] * p.segments[j - 1, REFERENCE_LENGTH]
+                        place[c] += y[iv - D + c] * p.lengths[j - 1]
                 if (j == 0 and not FREE_A) or (j == n and not FREE_B):
                     continue
                 if NEEDS_PLACE:
                     water_motion(CURRENT, t, place, p, U, A)
-                mass, weight = p.nodes[j, MASS], p.nodes[j, WET_WEIGHT]
-                m_n, m_t = p.nodes[j, ADDED_NORMAL], p.nodes[j, ADDED_TANGENTIAL]
-                k_n, k_t, k_p = p.nodes[j, DRAG_NORMAL], p.nodes[j, DRAG_TANGENTIAL], p.nodes[j, DRAG_POINT]
-                # mean tangent of the neighbouring segments
-                square = 0.0
+                lbar = 0.0
+                for e in range(max(j - 1, 0), min(j + 1, n)):
+                    lbar += 0.5 * lengths[e]
+                speed = 0.0
                 for c in range(D):
-                    m[c] = 0.0
-                    if j > 0:
-                        m[c] += tangent[j - 1, c]
-                    if j < n:
-                        m[c] += tangent[j, c]
-                    square += m[c] * m[c]
-                mean = math.sqrt(square) + TINY
-                v_t, a_t, v_square = 0.0, 0.0, 0.0
-                for c in range(D):
-                    m[c] /= mean
                     v[c] = y[iv + c] - U[c]
                     a[c] = yp[iv + c] - A[c]
-                    v_t += v[c] * m[c]
-                    a_t += a[c] * m[c]
-                    v_square += v[c] * v[c]
-                speed_n = 0.0
-                for c in range(D):
-                    v_n[c] = v[c] - v_t * m[c]
-                    speed_n += v_n[c] * v_n[c]
-                speed_n = math.sqrt(speed_n)
-                speed_t = abs(v_t)
-                speed = 0.0
+                    speed += v[c] * v[c]
                 if POINT_DRAG:
-                    speed = math.sqrt(v_square)
+                    speed = math.sqrt(speed)
 
+                # what has no direction of its own: the bodies, and of the cable mass and weight
+                mass = p.bodies[j, MASS] + lbar * m
+                added = p.bodies[j, ADDED_NORMAL] + lbar * m_n
+                k_p = p.bodies[j, DRAG_POINT]
                 if not JACOBIAN:
                     for c in range(D):
-                        row = mass * yp[iv + c] + m_n * a[c] - (m_n - m_t) * a_t * m[c]
-                        row += k_n * speed_n * v_n[c] + k_t * speed_t * v_t * m[c]
+                        row = mass * yp[iv + c] + added * a[c]
                         if POINT_DRAG:
                             row += k_p * speed * v[c]
                         if UNSTEADY:
-                            row -= p.nodes[j, FLUID_MASS] * A[c]
+                            row -= (p.bodies[j, FLUID_MASS] + lbar * fluid) * A[c]
                         out[iv + c] += row
-                    out[iv + D - 1] += weight
+                    out[iv + D - 1] += p.bodies[j, WET_WEIGHT] + lbar * weight
                 else:
                     for c in range(D):
-                        for d in range(D):
-                            same = 1.0 if c == d else 0.0
-                            mm = m[c] * m[d]
-                            g = c_j * ((mass + m_n) * same - (m_n - m_t) * mm)
-                            g += k_n * (speed_n * (same - mm) + v_n[c] * v_n[d] / (speed_n + TINY))
-                            g += 2.0 * k_t * speed_t * mm
-                            if POINT_DRAG:
-                                g += k_p * (speed * same + v[c] * v[d] / (speed + TINY))
-                            out[base + (iv + c) * si + (iv + d) * sj] += g
-                            # through the mean tangent: d row_c / d m_d
-                            g = -(m_n - m_t) * (m[c] * a[d] + a_t * same)
-                            g -= k_n * v_t * v_n[c] * v_n[d] / (speed_n + TINY)
-                            g -= k_n * speed_n * (v_t * same + m[c] * v[d])
-                            g += k_t * speed_t * (2.0 * m[c] * v[d] + v_t * same)
-                            slope[c, d] = g
+                        out[base + (iv + c) * si + (iv + c) * sj] += c_j * (mass + added)
+                        if POINT_DRAG:
+                            out[base + (iv + c) * si + (iv + c) * sj] += k_p * speed
+                            for d in range(D):
+                                g = k_p * v[c] * v[d] / (speed + TINY)
+                                out[base + (iv + c) * si + (iv + d) * sj] += g
+
+                for e in range(max(j - 1, 0), min(j + 1, n)):
+                    half = 0.5 * lengths[e]
+                    v_t, a_t = 0.0, 0.0
                     for c in range(D):
-                        along = 0.0
-                        for d in range(D):
-                            along += slope[c, d] * m[d]
-                        for d in range(D):
-                            slope[c, d] = (slope[c, d] - along * m[d]) / mean
-                    for e in range(max(j - 1, 0), min(j + 1, n)):
+                        v_t += v[c] * tangent[e, c]
+                        a_t += a[c] * tangent[e, c]
+                    speed_n = 0.0
+                    for c in range(D):
+                        v_n[c] = v[c] - v_t * tangent[e, c]
+                        speed_n += v_n[c] * v_n[c]
+                    speed_n = math.sqrt(speed_n)
+                    across = half * k_n * speed_n
+                    along = half * k_t * abs(v_t)
+                    softer = half * (m_n - m_t)
+                    if not JACOBIAN:
+                        pull = along * v_t - softer * a_t
                         for c in range(D):
-                            along = 0.0
+                            out[iv + c] += across * v_n[c] + pull * tangent[e, c]
+                    else:
+                        # d t is normal to t, so that d v_t = v_n.d t and d v_n = -(v_n.d t) t - v_t d t
+                        turning = (along - across) * v_t - softer * a_t
+                        tilt = half * k_n / (speed_n + TINY)
+                        for c in range(D):
                             for d in range(D):
-                                along += slope[c, d] * tangent[e, d]
-                            for d in range(D):
-                                g = (slope[c, d] - along * tangent[e, d]) / chord[e]
-                                out[base + (iv + c) * si + (e * CELL + D + 1 + d) * sj] += g
+                                same = 1.0 if c == d else 0.0
+                                tt = tangent[e, c] * tangent[e, d]
+                                vv = tilt * v_n[c] * v_n[d]
+                                g = across * (same - tt) + vv + (2.0 * along - c_j * softer) * tt
+                                out[base + (iv + c) * si + (iv + d) * sj] += g
+                                a_n = a[d] - a_t * tangent[e, d]
+                                g = tangent[e, c] * ((2.0 * along - across) * v_n[d] - softer * a_n)
+                                g += turning * (same - tt) - v_t * vv
+                                column = e * CELL + D + 1 + d
+                                out[base + (iv + c) * si + column * sj] += g / chord[e]
 
             # --- ends: the rows of prescribed velocity, and the closing of the cable -------------------
             for c in range(D):

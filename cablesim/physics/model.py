@@ -23,10 +23,9 @@ from cablesim.physics.parameters import (
     DRAG_TANGENTIAL,
     EA_,
     FLUID_MASS,
-    LENGTH,
     MASS,
-    REFERENCE_LENGTH,
     WET_WEIGHT,
+    WINCH_START_,
     Features,
     Parameters,
     pack,
@@ -75,11 +74,6 @@ class CableModel:
     def bytes(self) -> int:
         """Memory of the arrays."""
         return self._buffer.nbytes
-
-    @property
-    def unstretched(self) -> Array:
-        """Size |q| of unstretched segments, shape (n,): 1, but for the segment of a winch."""
-        return self.parameters.segments[:, LENGTH] / self.parameters.segments[:, REFERENCE_LENGTH]
 
     @property
     def algebraic_rows(self) -> NDArray[np.int64]:
@@ -148,23 +142,48 @@ class CableModel:
         layout.end_place(rates)[:] = -layout.end_place(out)
         if self.features.damping:  # then the rates of the tensions pull, too
             self.residual(t, y, rates, out)
-        acceleration = -self.accelerations(y, layout.node_velocity(out))
+        acceleration = -self.accelerations(t, y, layout.node_velocity(out))
         layout.velocity(rates)[:] = acceleration[:-1]
         layout.end_velocity(rates)[:] = acceleration[-1]
         rates[self.algebraic_rows] = self._end_accelerations(t)
         return rates
 
-    def accelerations(self, y: Array, forces: Array, nodes: slice = slice(None)) -> Array:
-        """What forces (k, D) [N] on these nodes give to their mass and added mass, were they free [m/s2].
+    def lengths(self, t: float) -> Array:
+        """Unstretched lengths of the segments at one time, shape (n,) [m]."""
+        lengths = self.parameters.lengths.copy()
+        if self.features.winch:
+            lengths[-1] = self.deployed_length(t)[0] - self.parameters.constants[WINCH_START_]
+        return lengths
 
-        The inverse of m I - softer m m^T by Sherman and Morrison, row by row.
+    def unstretched(self, t: float) -> Array:
+        """Size |q| of unstretched segments, shape (n,): 1, but for the segment of a winch."""
+        return self.lengths(t) / self.parameters.lengths
+
+    def loads(self, t: float) -> Array:
+        """Half of both segments beside each node and the bodies on it, shape (n+1, 8).
+
+        Columns as in `physics.parameters`.
         """
-        rows = self.parameters.nodes[nodes]
-        mass = (rows[:, MASS] + rows[:, ADDED_NORMAL])[:, None]
-        softer = (rows[:, ADDED_NORMAL] - rows[:, ADDED_TANGENTIAL])[:, None]
-        mean = self._mean_tangents(y)[nodes]
-        along = np.einsum("ec,ec->e", mean, forces)[:, None]
-        return (forces + softer / (mass - softer) * along * mean) / mass
+        halves = np.pad(0.5 * self.lengths(t), 1)
+        return np.outer(halves[1:] + halves[:-1], self.parameters.cable) + self.parameters.bodies
+
+    def mass_matrices(self, t: float, y: Array) -> Array:
+        """Mass with added mass of each node, shape (n+1, D, D) [kg].
+
+        The added mass of half a segment is less along that segment than across it.
+        """
+        loads, cable = self.loads(t), self.parameters.cable
+        chord = self.layout.chord(y)
+        softer = 0.5 * (cable[ADDED_NORMAL] - cable[ADDED_TANGENTIAL]) * self.lengths(t)
+        softer /= np.einsum("ec,ec->e", chord, chord)
+        along = np.pad(np.einsum("e,ec,ed->ecd", softer, chord, chord), ((1, 1), (0, 0), (0, 0)))
+        across = (loads[:, MASS] + loads[:, ADDED_NORMAL])[:, None, None] * np.eye(self.layout.dimension)
+        return across - along[1:] - along[:-1]
+
+    def accelerations(self, t: float, y: Array, forces: Array, nodes: slice = slice(None)) -> Array:
+        """What forces (k, D) [N] on these nodes give to their mass and added mass, were they free [m/s2]."""
+        solved = np.linalg.solve(self.mass_matrices(t, y)[nodes], forces[..., None])
+        return np.asarray(solved[..., 0], dtype=float)
 
     def deployed_length(self, t: float) -> tuple[float, float]:
         """Deployed length L [m] and payout speed L' [m/s] of a winch at one time."""
@@ -178,27 +197,15 @@ class CableModel:
         rate = _second_derivative(parameters.winch_breaks, parameters.winch_coefficients, t)
         return *self.deployed_length(t), float(rate[0])
 
-    def kinetic_energy_and_momentum(self, y: Array, at_winch: Array) -> tuple[float, Array]:
+    def kinetic_energy_and_momentum(self, t: float, y: Array, at_winch: Array) -> tuple[float, Array]:
         """Kinetic energy [J] and momentum (D,) [kg m/s] of the deployed cable, added mass included.
 
         Node n moves with `at_winch` (D,), the velocity of the material there.
         """
-        rows = self.parameters.nodes
         velocity = self.layout.node_velocity(y)
         velocity[-1] = at_winch
-        mass = (rows[:, MASS] + rows[:, ADDED_NORMAL])[:, None]
-        softer = (rows[:, ADDED_NORMAL] - rows[:, ADDED_TANGENTIAL])[:, None]
-        mean = self._mean_tangents(y)
-        along = np.einsum("nc,nc->n", mean, velocity)[:, None]
-        momentum = mass * velocity - softer * along * mean
+        momentum = np.einsum("ncd,nd->nc", self.mass_matrices(t, y), velocity)
         return 0.5 * float(np.sum(momentum * velocity)), momentum.sum(axis=0)
-
-    def _mean_tangents(self, y: Array) -> Array:
-        """Unit mean of the tangents beside each node, shape (n+1, D)."""
-        chord = self.layout.chord(y)
-        tangent = chord / np.sqrt(np.einsum("ec,ec->e", chord, chord))[:, None]
-        mean = np.concatenate((tangent[:1], tangent[1:] + tangent[:-1], tangent[-1:]))
-        return mean / np.maximum(np.sqrt(np.einsum("ec,ec->e", mean, mean)), 1e-12)[:, None]
 
     def end_place_and_velocity(self, name: str, t: float) -> tuple[Array, Array]:
         """Place and velocity, each (D,), that the equations give to prescribed end ``a`` or ``b``."""
@@ -209,7 +216,7 @@ class CableModel:
 
     def node_places(self, t: float, y: Array) -> Array:
         """Coordinates (n+1, D) of all nodes at one time."""
-        chords = self.parameters.segments[:, REFERENCE_LENGTH, None] * self.layout.chord(y)
+        chords = self.parameters.lengths[:, None] * self.layout.chord(y)
         from_a = np.concatenate((np.zeros((1, self.layout.dimension)), np.cumsum(chords, axis=0)))
         if self.features.free_a:
             return self.layout.end_place(y) + from_a - from_a[-1]
@@ -218,7 +225,7 @@ class CableModel:
     def node_place_and_velocity(self, node: int, t: float, y: Array) -> tuple[Array, Array]:
         """Coordinates and velocity, each (D,), of one node at one time."""
         layout = self.layout
-        lengths = self.parameters.segments[:, REFERENCE_LENGTH]
+        lengths = self.parameters.lengths
         velocity = layout.end_velocity(y) if node == layout.segments else layout.velocity(y)[node]
         if self.features.free_a:
             return layout.end_place(y) - lengths[node:] @ layout.chord(y)[node:], velocity
@@ -264,11 +271,11 @@ def build_model(scene: Scene, mesh: Mesh, frame: Frame) -> CableModel:
     breaks_a, coefficients_a = _end_table(scene.end_a, frame)
     breaks_b, coefficients_b = _end_table(scene.end_b, frame)
     times, x, y, z, velocity = _current_table(scene, frame)
-    nodes = _node_table(scene, mesh)
-    winch_loads, winch_breaks, winch_coefficients = _winch_table(scene, mesh, nodes)
+    winch_breaks, winch_coefficients = _winch_table(scene)
     parameters = Parameters(
-        segments=np.stack([mesh.lengths, mesh.reference_lengths], axis=1),
-        nodes=nodes,
+        lengths=mesh.reference_lengths,
+        cable=_per_metre(scene),
+        bodies=_body_table(scene, mesh),
         constants=np.array(
             [
                 cable.axial_stiffness,
@@ -279,7 +286,6 @@ def build_model(scene: Scene, mesh: Mesh, frame: Frame) -> CableModel:
                 mesh.nodes[-2],
             ]
         ),
-        winch_loads=winch_loads,
         winch_breaks=winch_breaks,
         winch_coefficients=winch_coefficients,
         breaks_a=breaks_a,
@@ -299,7 +305,7 @@ def build_model(scene: Scene, mesh: Mesh, frame: Frame) -> CableModel:
 
 
 def _per_metre(scene: Scene) -> Array:
-    """What a metre of bare cable adds to the row of a node, shape (8,)."""
+    """What a metre of bare cable has, shape (8,)."""
     cable, density = scene.cable, scene.water.density
     displaced = density * cable.displaced_section
     row = np.empty(8)
@@ -315,7 +321,7 @@ def _per_metre(scene: Scene) -> Array:
 
 
 def _per_body(body: Attachment, scene: Scene) -> Array:
-    """What an attachment adds to the row of its node, shape (8,)."""
+    """What an attachment has, shape (8,)."""
     displaced = scene.water.density * body.volume
     row = np.zeros(8)
     row[MASS] = body.mass
@@ -326,24 +332,22 @@ def _per_body(body: Attachment, scene: Scene) -> Array:
     return row
 
 
-def _node_table(scene: Scene, mesh: Mesh) -> Array:
-    """Lumped mass, weight and drag of each node: half of both segments, and the attachments on it."""
-    table = np.outer(mesh.node_lengths, _per_metre(scene))
+def _body_table(scene: Scene, mesh: Mesh) -> Array:
+    """What is attached to each node, shape (n+1, 8)."""
+    table = np.zeros((mesh.segments + 1, 8))
     for attachment, node in mesh.in_water():
         table[node] += _per_body(scene.attachments[attachment], scene)
     return table
 
 
-def _winch_table(scene: Scene, mesh: Mesh, nodes: Array) -> tuple[Array, Array, Array]:
-    """Loads beside the winch's segment (2, 8), and breaks and coefficients of the deployed length."""
-    per_metre = _per_metre(scene)
-    loads = np.stack((nodes[-2] - 0.5 * mesh.lengths[-1] * per_metre, per_metre))
+def _winch_table(scene: Scene) -> tuple[Array, Array]:
+    """Breaks and coefficients of the deployed length."""
     program = scene.winch.payout if scene.winch is not None else None
     if isinstance(program, Motion):
-        return loads, program.breaks, program.coefficients
+        return program.breaks, program.coefficients
     coefficients = np.zeros((3, 6, 1))  # at rest; a controller's commands are written here
     coefficients[:, 0] = scene.start_length
-    return loads, np.array([0.0, 1.0, 2.0, FOREVER]), coefficients
+    return np.array([0.0, 1.0, 2.0, FOREVER]), coefficients
 
 
 def _end_table(end: End, frame: Frame) -> tuple[Array, Array]:

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Columns of Parameters.segments and Parameters.nodes, and entries of Parameters.constants.
-LENGTH, REFERENCE_LENGTH = range(2)
+# Entries of Parameters.cable and columns of Parameters.bodies, and entries of Parameters.constants.
 MASS, ADDED_NORMAL, ADDED_TANGENTIAL, WET_WEIGHT, DRAG_NORMAL, DRAG_TANGENTIAL, DRAG_POINT, FLUID_MASS = (
     range(8)
 )
@@ -60,20 +59,18 @@ class Parameters(NamedTuple):
 
     Attributes
     ----------
-    segments : ndarray, shape (n, 2)
-        Unstretched length l and reference length of each segment [m].  The length of a winch's segment,
-        and the rows of its two nodes, are those of the last evaluation: the equations set them.
-    nodes : ndarray, shape (n+1, 8)
-        Lumped quantities of each node, in the order of the column names above:
-        mass with the isotropic added mass [kg], added mass normal and along [kg], wet weight [N],
-        drag factors 1/2 rho Cn d l, 1/2 rho Ct pi d l and 1/2 rho CdA [kg/m], and the mass on
-        which the fluid's own acceleration acts [kg].
+    lengths : ndarray, shape (n,)
+        Reference length of each segment [m]: its unstretched length, and for the segment of a winch that
+        of the material segment of which it is the part that is out.
+    cable : ndarray, shape (8,)
+        What a metre of bare cable has, in the order of the names above: mass [kg/m], added mass normal
+        and along [kg/m], wet weight [N/m], drag factors 1/2 rho Cn d and 1/2 rho Ct pi d [kg/m2], nought,
+        and the mass on which the fluid's own acceleration acts [kg/m].
+    bodies : ndarray, shape (n+1, 8)
+        What is attached to each node, in the same order: [kg], [N], and 1/2 rho CdA [kg/m] for its drag.
     constants : ndarray, shape (6,)
         EA [N], EI [N m2], tau [s], beta [1/s], kappa [1/s], and the material coordinate at which the
         winch's segment begins [m].
-    winch_loads : ndarray, shape (2, 8)
-        What the last free node carries without the winch's segment, and a metre of cable; columns as
-        in `nodes`.
     winch_breaks, winch_coefficients : ndarray
         Deployed length as a piecewise polynomial (m+1,), (m, 6, 1).
     breaks_a, coefficients_a, breaks_b, coefficients_b : ndarray
@@ -86,10 +83,10 @@ class Parameters(NamedTuple):
         Water velocity on that grid [m/s].
     """
 
-    segments: Array
-    nodes: Array
+    lengths: Array
+    cable: Array
+    bodies: Array
     constants: Array
-    winch_loads: Array
     winch_breaks: Array
     winch_coefficients: Array
     breaks_a: Array
@@ -104,7 +101,7 @@ class Parameters(NamedTuple):
     current_velocity: Array
 
 
-_RANKS = (2, 2, 1, 2, 1, 3, 1, 3, 1, 3, 2, 1, 1, 1, 1, 5)  # number of dimensions of each field
+_RANKS = (1, 1, 2, 1, 1, 3, 1, 3, 1, 3, 2, 1, 1, 1, 1, 5)  # number of dimensions of each field
 
 
 def pack(parameters: Parameters) -> tuple[Array, Parameters]:

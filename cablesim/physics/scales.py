@@ -41,9 +41,9 @@ def scene_scales(scene: Scene, model: CableModel, y: Array) -> Scales:
     """Scales of a scene that starts at state `y`."""
     length = scene.cable.length
     velocity = max(_input_speed(scene, model), _falling_speed(scene, model), SLOWEST)
-    nodes = model.parameters.nodes
-    weight = float(np.abs(nodes[:, WET_WEIGHT]).sum())
-    drag = float(nodes[:, [DRAG_NORMAL, DRAG_POINT]].sum()) * velocity**2
+    loads = model.loads(0.0)
+    weight = float(np.abs(loads[:, WET_WEIGHT]).sum())
+    drag = float(loads[:, [DRAG_NORMAL, DRAG_POINT]].sum()) * velocity**2
     start = float(np.sqrt(np.mean(model.layout.tension(y) ** 2)))
     return Scales(length, velocity, max(start, 0.5 * weight, 0.5 * drag, WEAKEST))
 
@@ -69,8 +69,8 @@ def _input_speed(scene: Scene, model: CableModel) -> float:
 
 def _falling_speed(scene: Scene, model: CableModel) -> float:
     """Speed at which the cable sinks sideways, or falls through its own length where drag is weak."""
-    nodes = model.parameters.nodes
-    weight = float(np.abs(nodes[:, WET_WEIGHT]).sum())
-    drag = float(nodes[:, [DRAG_NORMAL, DRAG_POINT]].sum())
-    falling = np.sqrt(2.0 * weight / float(nodes[:, MASS].sum()) * scene.cable.length)
+    loads = model.loads(0.0)
+    weight = float(np.abs(loads[:, WET_WEIGHT]).sum())
+    drag = float(loads[:, [DRAG_NORMAL, DRAG_POINT]].sum())
+    falling = np.sqrt(2.0 * weight / float(loads[:, MASS].sum()) * scene.cable.length)
     return float(min(falling, np.sqrt(weight / drag) if drag > 0.0 else np.inf))

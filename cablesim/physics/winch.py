@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablesim.physics.model import CableModel
-from cablesim.physics.parameters import EA_, LENGTH, REFERENCE_LENGTH, WINCH_START_
+from cablesim.physics.parameters import EA_
 
 Array = NDArray[np.float64]
 
@@ -82,9 +82,7 @@ def insert_node(t: float, y: Array, yp: Array, old: CableModel, new: CableModel)
     cut = _Cut(t, y, old, new)
     rates = _split_rates(t, y, yp, old, new)
     velocity = new.layout.node_velocity(cut.state(np.zeros(new.layout.dimension)))[-3:]
-    new.layout.chord(rates)[-2:] = (
-        np.diff(velocity, axis=0) / new.parameters.segments[-2:, REFERENCE_LENGTH, None]
-    )
+    new.layout.chord(rates)[-2:] = np.diff(velocity, axis=0) / new.parameters.lengths[-2:, None]
     out = np.empty(new.layout.size)
     node = (new.layout.segments - 1) * new.layout.cell
     row = slice(node, node + new.layout.dimension)
@@ -117,9 +115,9 @@ class _Cut:
     def __init__(self, t: float, y: Array, old: CableModel, new: CableModel) -> None:
         layout = old.layout
         self._y, self._old, self._new = y, old, new
-        self._parts = np.array(_parts(t, new))
+        self._parts = new.lengths(t)[-2:]
         self._whole = float(self._parts.sum())
-        self._chord = old.parameters.segments[-1, REFERENCE_LENGTH] * layout.chord(y)[-1]
+        self._chord = old.parameters.lengths[-1] * layout.chord(y)[-1]
         self._size = float(np.linalg.norm(self._chord))
         self._direction = self._chord / self._size
         self._normals = np.linalg.svd(self._direction[None])[2][1:]
@@ -149,7 +147,7 @@ class _Cut:
         # by these shares the mean over the length of both is the tension of the whole
         layout.tension(result)[-2:] = self._tension + unknowns[-1] * np.array([-share[1], share[0]])
         parts = share[:, None] * self._chord + np.stack((offset, -offset))
-        layout.chord(result)[-2:] = parts / self._new.parameters.segments[-2:, REFERENCE_LENGTH, None]
+        layout.chord(result)[-2:] = parts / self._new.parameters.lengths[-2:, None]
         return result
 
 
@@ -159,7 +157,7 @@ def _split_rates(t: float, y: Array, yp: Array, old: CableModel, new: CableModel
     _copy_cells(layout.segments, old, yp, new, rates)
     chord = layout.chord(y)[-1]
     gain = old.deployed_motion(t)[2] * chord / np.linalg.norm(chord)
-    first, second = _parts(t, new)
+    first, second = new.lengths(t)[-2:]
     free = layout.velocity(yp)[-1]
     at_winch = layout.end_velocity(yp) - gain
     new.layout.velocity(rates)[-1] = free + first / (first + second) * (at_winch - free)
@@ -188,14 +186,14 @@ def remove_node(t: float, y: Array, yp: Array, old: CableModel, new: CableModel)
         State after.
     """
     layout = old.layout
-    chords = old.parameters.segments[-2:, REFERENCE_LENGTH, None] * layout.chord(y)[-2:]
-    parts = np.array(_parts(t, old))
+    chords = old.parameters.lengths[-2:, None] * layout.chord(y)[-2:]
+    parts = old.lengths(t)[-2:]
     share = parts / parts.sum()
     result = np.empty(new.layout.size)
     _copy_cells(layout.segments - 2, old, y, new, result)
     new.layout.velocity(result)[-1] = layout.velocity(y)[-2]
     new.layout.tension(result)[-1] = share @ layout.tension(y)[-2:]
-    new.layout.chord(result)[-1] = chords.sum(axis=0) / new.parameters.segments[-1, REFERENCE_LENGTH]
+    new.layout.chord(result)[-1] = chords.sum(axis=0) / new.parameters.lengths[-1]
     _keep_tension_rates(t, result, new, share[None] @ layout.tension(yp)[-2:])
     return result
 
@@ -208,19 +206,14 @@ def _keep_tension_rates(t: float, y: Array, model: CableModel, wanted: Array) ->
     layout, rates, out = model.layout, np.zeros(y.size), np.empty(y.size)
     layout.tension(rates)[-wanted.size :] = wanted
     model.residual(t, y, rates, out)
-    lacking = model.parameters.segments[-wanted.size :, LENGTH] * layout.tension(out)[-wanted.size :]
+    lengths = model.lengths(t)
+    lacking = lengths[-wanted.size :] * layout.tension(out)[-wanted.size :]
     before = layout.segments - wanted.size + 1  # nodes up to the first of these segments
-    arc = np.concatenate(([0.0], np.cumsum(model.parameters.segments[: before - 1, LENGTH])))
+    arc = np.concatenate(([0.0], np.cumsum(lengths[: before - 1])))
     chords = layout.chord(y)
     units = chords / np.sqrt(np.einsum("ec,ec->e", chords, chords))[:, None]
     layout.velocity(y)[:before] -= (lacking.sum() / arc[-1] * arc)[:, None] * units[:before]
     layout.velocity(y)[before:] -= lacking[1:, None] * units[before:]
-
-
-def _parts(t: float, model: CableModel) -> tuple[float, float]:
-    """Unstretched lengths of the last two segments at time t."""
-    length = model.deployed_length(t)[0] - model.parameters.constants[WINCH_START_]
-    return float(model.parameters.segments[-2, LENGTH]), length
 
 
 def _copy_cells(cells: int, old: CableModel, y: Array, new: CableModel, result: Array) -> None:

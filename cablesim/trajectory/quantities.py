@@ -23,7 +23,6 @@ from cablesim.physics.parameters import (
     DRAG_TANGENTIAL,
     FLUID_MASS,
     MASS,
-    REFERENCE_LENGTH,
     STILL,
     WET_WEIGHT,
 )
@@ -77,19 +76,20 @@ class Quantities:
         return halves[:, 1:] + halves[:, :-1]
 
     @cached_property
-    def loads(self) -> Array:
-        """Rows of the nodes as in `physics.parameters`, shape (time or 1, node, 8)."""
-        table = self.model.parameters.nodes
+    def bodies(self) -> Array:
+        """What is attached to each node and in the water, shape (time or 1, node, 8)."""
+        bodies = self.model.parameters.bodies
         if not self.on_winch:
-            return table[None]
-        per_metre = self.model.parameters.winch_loads[1]
-        bodies = table - self.mesh.node_lengths[:, None] * per_metre
-        out = np.arange(len(table)) <= self.last_segment
-        return self.node_lengths[..., None] * per_metre + out[..., None] * bodies
+            return bodies[None]
+        return np.where((np.arange(len(bodies)) <= self.last_segment)[..., None], bodies, 0.0)
+
+    def lumped(self, column: int) -> Array:
+        """A quantity of `physics.parameters`, cable and bodies, of each node, shape (time or 1, node)."""
+        return self.node_lengths * self.model.parameters.cable[column] + self.bodies[..., column]
 
     @cached_property
     def chords(self) -> Array:
-        lengths = self.model.parameters.segments[:, REFERENCE_LENGTH, None]
+        lengths = self.model.parameters.lengths[:, None]
         chords = self.model.frame.vectors_out(lengths * self.model.layout.chord(self.history.y))
         if self.on_winch:
             chords[np.arange(self.mesh.segments) > self.last_segment] = 0.0
@@ -261,7 +261,7 @@ class Quantities:
         force = np.empty((self.times.size, 2, 3))
         for k, (node, segment, sign) in enumerate(((0, 0, 1.0), (-1, -1, -1.0))):
             pull = self.tension[:, segment, None] * self.tangent[:, segment] + self._end_shear[:, k]
-            force[:, k] = sign * pull - self._node_load(node)
+            force[:, k] = sign * pull - self._end_load(node)
         return force
 
     @cached_property
@@ -270,11 +270,10 @@ class Quantities:
         last = np.take_along_axis(self.shear, self.last_segment[..., None], axis=1)
         return np.concatenate((self.shear[:, :1], last), axis=1)
 
-    def _node_load(self, node: int) -> Array:
+    def _end_load(self, node: int) -> Array:
         """Inertia, drag and weight (time, 3) of an end node, as in the node loop of `physics.equations`."""
-        columns = self.loads[:, 0] if node == 0 else self._load_at_b
-        p = columns.T[:, :, None]
-        m = self.node_tangent[:, node]
+        p = self._loads_at_ends[:, node].T[:, :, None]
+        m = self.tangent[:, node]  # an end has one half segment only
         water, water_rate = self._water(node)
         v, a = self.velocity[:, node] - water, self.acceleration[:, node] - water_rate
         v_t = np.einsum("tc,tc->t", v, m)[:, None]
@@ -288,11 +287,12 @@ class Quantities:
         return load + p[WET_WEIGHT] * np.array([0.0, 0.0, 1.0])
 
     @cached_property
-    def _load_at_b(self) -> Array:
-        """Row (time or 1, 8) of the node at B; all nodes after it stand in the same place with nothing."""
-        if not self.on_winch:
-            return self.loads[:, -1]
-        return np.take_along_axis(self.loads, self.last_segment[..., None] + 1, axis=1)[:, 0]
+    def _loads_at_ends(self) -> Array:
+        """Rows (time or 1, 2, 8) of the nodes at A and B."""
+        last = np.take_along_axis(self.lengths, self.last_segment[: len(self.lengths)], axis=1)
+        halves = 0.5 * np.concatenate((self.lengths[:, :1], last), axis=1)
+        # beyond the outlet of a winch there are no bodies
+        return halves[..., None] * self.model.parameters.cable + self.bodies[:, [0, -1]]
 
     def _water(self, node: int) -> tuple[Array, Array]:
         """Velocity and acceleration (time, 3) of the water at one node."""
@@ -314,7 +314,7 @@ class Quantities:
 
     @cached_property
     def deployed_mass(self) -> Array:
-        return self.loads[..., MASS].sum(axis=1)
+        return self.lumped(MASS).sum(axis=1)
 
     @cached_property
     def winch_event_time(self) -> Array:
@@ -354,13 +354,17 @@ class Quantities:
     @cached_property
     def kinetic_energy(self) -> Array:
         square = np.einsum("tnc,tnc->tn", self.velocity, self.velocity)
-        along = self.velocity_tangential**2
-        mass, normal, tangential = (self.loads[..., k] for k in (MASS, ADDED_NORMAL, ADDED_TANGENTIAL))
-        return 0.5 * np.sum(square * (mass + normal) - along * (normal - tangential), axis=1)
+        twice = np.sum(square * (self.lumped(MASS) + self.lumped(ADDED_NORMAL)), axis=1)
+        # along a segment, the added mass of its two halves is less
+        cable = self.model.parameters.cable
+        softer = 0.5 * self.lengths * (cable[ADDED_NORMAL] - cable[ADDED_TANGENTIAL])
+        for velocity in (self.velocity[:, :-1], self.velocity[:, 1:]):
+            twice -= np.sum(softer * np.einsum("tec,tec->te", velocity, self.tangent) ** 2, axis=1)
+        return 0.5 * twice
 
     @cached_property
     def potential_energy(self) -> Array:
-        return np.sum(self.position[..., 2] * self.loads[..., WET_WEIGHT], axis=1)
+        return np.sum(self.position[..., 2] * self.lumped(WET_WEIGHT), axis=1)
 
     @cached_property
     def elastic_energy(self) -> Array:
