@@ -244,7 +244,46 @@ class MeshRules:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EquilibriumShape:
+class StartVelocity:
+    """Velocity of the cable at t = 0, linear between places on it, end values beyond.
+
+    Attributes
+    ----------
+    arc : ndarray, shape (m,)
+        Material coordinates, strictly increasing [m].
+    velocities : ndarray, shape (m, 3)
+        World velocities there [m/s].
+    """
+
+    arc: Vector
+    velocities: Vector
+
+    def at(self, arc: Vector) -> Vector:
+        """World velocities (n, 3) at material coordinates (n,) [m/s]."""
+        return np.stack([np.interp(arc, self.arc, column) for column in self.velocities.T], axis=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StartShape:
+    """What all shapes at t = 0 have in common.
+
+    Attributes
+    ----------
+    velocity : StartVelocity or None
+        How the cable moves; ``None``: at rest between its ends, or linearly from the velocity of one held
+        end to that of the other.
+    """
+
+    velocity: StartVelocity | None = None
+
+    @property
+    def polyline(self) -> Vector | None:
+        """World points (m, 3) from A to B through which the case says that the cable goes [m]."""
+        return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class EquilibriumShape(StartShape):
     """Rest shape of the scene at t = 0.
 
     `guess` is an optional polyline of world points (m, 3) from A to B from which the search starts.
@@ -252,21 +291,43 @@ class EquilibriumShape:
 
     guess: Vector | None = None
 
+    @property
+    def polyline(self) -> Vector | None:
+        """The guess."""
+        return self.guess
+
 
 @dataclass(frozen=True, kw_only=True)
-class TautShape:
-    """Straight cable; `direction` (unit, from A to B) is needed only when an end is free."""
+class TautShape(StartShape):
+    """Straight cable.
+
+    Attributes
+    ----------
+    direction : ndarray of shape (3,) or None
+        Unit vector from A to B; needed only when an end is free.
+    places : ndarray of shape (2, 3) or None
+        Where the ends are when neither is held [m].
+    stretched : bool
+        Whether the cable holds the tension that its ends, loads and motion ask for, or none.
+    """
 
     direction: Vector | None = None
+    places: Vector | None = None
+    stretched: bool = True
+
+    @property
+    def polyline(self) -> Vector | None:
+        """The places of the ends when neither is held."""
+        return self.places
 
 
 @dataclass(frozen=True, kw_only=True)
-class CatenaryShape:
+class CatenaryShape(StartShape):
     """Elastic catenary between the two ends, attachments and bending left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class MarkerShape:
+class MarkerShape(StartShape):
     """Shape interpolated through measured markers (paper, Section III-B).
 
     Attributes
@@ -279,6 +340,11 @@ class MarkerShape:
 
     arc: Vector
     positions: Vector
+
+    @property
+    def polyline(self) -> Vector | None:
+        """The markers."""
+        return self.positions
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -100,13 +100,13 @@ def statics(
 
     from cablesim.batch import load_scene, write_result
     from cablesim.files import check_writable
-    from cablesim.scene import EquilibriumShape, MarkerShape
+    from cablesim.scene import EquilibriumShape, StartShape
 
     if output is not None:
         check_writable(output)
     scene = load_scene(case, overrides or ())
     if not isinstance(scene.initial, EquilibriumShape):
-        guess = scene.initial.positions if isinstance(scene.initial, MarkerShape) else None
+        guess = scene.initial.polyline if isinstance(scene.initial, StartShape) else None
         scene = replace(scene, initial=EquilibriumShape(guess=guess))
     simulation = _initialised(replace(scene, output=replace(scene.output, variables=())))
     rest = _dataset_at_start(simulation)
