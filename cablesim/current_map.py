@@ -1,6 +1,6 @@
 """Read a current map in space and time from a netCDF file.
 
-Depends on: case, scene.
+Depends on: case, recording, scene.
 """
 
 from __future__ import annotations
@@ -13,18 +13,9 @@ import numpy as np
 
 from cablesim.case.errors import suggestion
 from cablesim.case.models import MapCurrent
-from cablesim.case.quantities import UnitError, length_factor
+from cablesim.case.quantities import UnitError, length_factor, speed_factor, time_factor
+from cablesim.recording.source import kind_of_binary
 from cablesim.scene import GriddedCurrent, Vector
-
-_TIME_UNITS = {
-    "s": 1.0,
-    "second": 1.0,
-    "min": 60.0,
-    "minute": 60.0,
-    "h": 3600.0,
-    "hour": 3600.0,
-    "day": 86400.0,
-}
 
 
 def read_current_map(file: Path, given: MapCurrent) -> GriddedCurrent:
@@ -41,16 +32,22 @@ def read_current_map(file: Path, given: MapCurrent) -> GriddedCurrent:
     -------
     GriddedCurrent
         Velocities [m/s] on increasing coordinates, z up; times count from the first one where the
-        file gives dates.
+        file gives dates.  Units attributes are honoured; without them numbers are SI.
 
     Raises
     ------
     ValueError
-        If a variable is missing, has other dimensions, or holds numbers that are not finite.
+        If the file is no netCDF, a variable is missing, has other dimensions or units, or holds numbers
+        that are not finite, or a coordinate named depth does not say which way it is positive.
     """
     import netCDF4
 
-    with netCDF4.Dataset(file) as data:
+    try:
+        data = netCDF4.Dataset(file)
+    except OSError as error:
+        kind = kind_of_binary(file) or "text"
+        raise ValueError(f"is {kind}, not a netCDF file ({error}); convert it") from None
+    with data:
         names = (given.time, given.x, given.y, given.z)
         axes = [_read_axis(data, name, is_time=name == given.time) for name in names]
         sizes = tuple(len(axis) for axis in axes)
@@ -78,18 +75,29 @@ def _read_axis(data: Any, name: str, *, is_time: bool) -> Vector:
     values: Vector = np.ma.filled(np.ma.asarray(variable[:], dtype=float), np.nan).reshape(-1)
     if not np.isfinite(values).all():
         raise ValueError(f"the coordinate '{name}' holds values that are not finite")
-    unit = str(getattr(variable, "units", "s" if is_time else "m"))
-    if not is_time:
-        sign = -1.0 if str(getattr(variable, "positive", "up")).lower() == "down" else 1.0
-        try:
-            return values * (sign * length_factor(unit))
-        except UnitError:
-            raise ValueError(f"the coordinate '{name}' is in '{unit}', not in a length; project it") from None
-    word = unit.split(" since ")[0].strip()
-    factor = _TIME_UNITS.get(word, _TIME_UNITS.get(word.removesuffix("s")))
-    if factor is None:
-        raise ValueError(f"the coordinate '{name}' is in '{unit}', not in a time")
-    return (values - values[0] if " since " in unit else values) * factor
+    unit, since, _ = str(getattr(variable, "units", "s" if is_time else "m")).partition(" since ")
+    try:
+        if is_time:
+            return (values - values[0] if since else values) * time_factor(unit)
+        return values * (_upward(variable, name) * length_factor(unit))
+    except UnitError:
+        what = "a time" if is_time else "a length; project it"
+        raise ValueError(f"the coordinate '{name}' is in '{unit}', not in {what}") from None
+
+
+def _upward(variable: Any, name: str) -> float:
+    """-1 for a coordinate that counts downwards, as its attributes say."""
+    positive = str(getattr(variable, "positive", "")).lower()
+    if positive in ("up", "down"):
+        return -1.0 if positive == "down" else 1.0
+    if str(getattr(variable, "standard_name", "")).startswith("depth"):
+        return -1.0
+    if "depth" in name.lower():
+        raise ValueError(
+            f"the coordinate '{name}' does not say which way it is positive; give it the attribute "
+            "'positive', 'up' or 'down'"
+        )
+    return 1.0
 
 
 def _read_component(data: Any, name: str, names: Sequence[str], sizes: Sequence[int]) -> Vector:
@@ -102,6 +110,11 @@ def _read_component(data: Any, name: str, names: Sequence[str], sizes: Sequence[
     values: Vector = np.ma.filled(np.ma.asarray(variable[:], dtype=float), np.nan)
     if not np.isfinite(values).all():
         raise ValueError(f"the variable '{name}' is not finite everywhere; fill the gaps first")
+    unit = str(getattr(variable, "units", "m/s"))
+    try:
+        values = values * speed_factor(unit)
+    except UnitError:
+        raise ValueError(f"the variable '{name}' is in '{unit}', not in a speed") from None
     order = [variable.dimensions.index(axis) for axis in names if axis in variable.dimensions]
     shape = [size if axis in variable.dimensions else 1 for axis, size in zip(names, sizes, strict=True)]
     return np.broadcast_to(values.transpose(order).reshape(shape), tuple(sizes))

@@ -200,11 +200,11 @@ def test_netcdf_fill_values_are_lost_samples(tmp_path):
         ({"columns": ("x", "y", "position")}, "they need one and the same"),
         ({"where": {"position": 1}}, "name one with a single dimension"),
         ({"time_column": "clock", "sample_interval": 1.0}, "both time_column and sample_interval"),
-        ({"time_column": "hours"}, "'hours' has dimensions.*unit 'h'"),
+        ({"time_column": "hours"}, "'hours' has dimensions.*unit 'm'"),
     ],
 )
 def test_netcdf_mistakes(tmp_path, options, message):
-    dataset().assign(hours=("time", TIMES / 3600, {"units": "h"})).to_netcdf(tmp_path / "motion.nc")
+    dataset().assign(hours=("time", TIMES / 3600, {"units": "m"})).to_netcdf(tmp_path / "motion.nc")
     with pytest.raises(RecordingError, match=message):
         read_recording(tmp_path / "motion.nc", **options)
 

@@ -131,8 +131,10 @@ class Review:
                 None,
             )
 
-    def length_factor(self, unit: str, where: Location) -> float:
-        """Metres in one `unit` of length."""
+    def length_factor(self, unit: str | None, where: Location) -> float | None:
+        """Metres in one `unit` of length; ``None`` leaves it to the file."""
+        if unit is None:
+            return None
         try:
             return length_factor(unit)
         except UnitError as error:

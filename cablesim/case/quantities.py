@@ -44,7 +44,7 @@ _EVERYDAY: dict[str, dict[str, float]] = {
     "m**2": {"m^2": 1.0, "m2": 1.0, "cm^2": 1e-4, "mm^2": 1e-6},
     "m**3": {"m^3": 1.0, "cm^3": 1e-6, "L": 1e-3, "mL": 1e-6},
     "kg": {"kg": 1.0, "g": 0.001},
-    "s": {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0},
+    "s": {"s": 1.0, "seconds": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0, "hours": 3600.0, "days": 86400.0},
     "m/s": {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001},
     "m/s**2": {"m/s^2": 1.0, "m/s2": 1.0},
     "rad": {"rad": 1.0, "deg": math.pi / 180},
@@ -200,7 +200,34 @@ def length_factor(unit: str) -> float:
     UnitError
         If `unit` is no unit of length.
     """
-    factor = _factor(unit, "m")
+    return _si_factor(unit, "m", "length", "'m' or 'mm'")
+
+
+def time_factor(unit: str) -> float:
+    """Seconds in one `unit`.
+
+    Raises
+    ------
+    UnitError
+        If `unit` is no unit of time.
+    """
+    return _si_factor(unit, "s", "time", "'s' or 'h'")
+
+
+def speed_factor(unit: str) -> float:
+    """Metres per second in one `unit`.
+
+    Raises
+    ------
+    UnitError
+        If `unit` is no unit of speed.
+    """
+    everyday = unit.replace(" s-1", "/s").replace(".s-1", "/s")  # as CF writes it
+    return _si_factor(everyday, "m/s", "speed", "'m/s' or 'cm s-1'")
+
+
+def _si_factor(unit: str, target: str, name: str, examples: str) -> float:
+    factor = _factor(unit, target)
     if not isinstance(factor, float):
-        raise UnitError("is no unit of length", "Name one such as 'm' or 'mm'.")
+        raise UnitError(f"is no unit of {name}", f"Name one such as {examples}.")
     return factor

@@ -156,7 +156,9 @@ class RecordedEnd(_End):
         default=None, description="keep only rows with these values, for instance {point: robot}"
     )
     marker: str | None = Field(default=None, description="name of the marker in a file with several")
-    unit: str = Field(default="m", description="unit of the positions in the file")
+    unit: str | None = Field(
+        default=None, description="unit of the positions in the file; default: what the file says, or m"
+    )
     up: Direction | None = Field(
         default=None,
         description="measured vertical in the frame of the file; positions are turned so that it is z",

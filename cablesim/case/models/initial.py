@@ -56,7 +56,9 @@ class MarkersStart(Part):
     columns: tuple[str, str, str] | None = Field(
         default=None, description="columns with x, y, z; default: x, y, z"
     )
-    unit: str = Field(default="m", description="unit of the positions in the file")
+    unit: str | None = Field(
+        default=None, description="unit of the positions in the file; default: what the file says, or m"
+    )
     where: dict[str, Cell] | None = Field(
         default=None, description="keep only rows with these values, for instance {frame: 3}"
     )

@@ -57,7 +57,9 @@ class RecordedPayout(Part):
     where: dict[str, Cell] | None = Field(
         default=None, description="keep only rows with these values, for instance {run: 24}"
     )
-    unit: str = Field(default="m", description="unit of the length in the file")
+    unit: str | None = Field(
+        default=None, description="unit of the length in the file; default: what the file says, or m"
+    )
     noise: Length = Field(
         default=1e-3,
         ge=0,
