@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from cablesim.case import CaseError as CaseError
     from cablesim.case import case_schema as case_schema
     from cablesim.case import load_case as load_case
-    from cablesim.integrate import Status as Status
     from cablesim.scene import Scene as Scene
     from cablesim.simulation import Observation as Observation
     from cablesim.simulation import Progress as Progress
@@ -37,7 +36,7 @@ _HOMES = {
     "load_case": "case",
     "build_scene": "build",
     "Scene": "scene",
-    "Status": "integrate",
+    "Status": "status",
     "Observation": "simulation",
     "Progress": "simulation",
     "Simulation": "simulation",

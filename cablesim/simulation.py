@@ -5,16 +5,14 @@ Depends on: all of them.
 
 from __future__ import annotations
 
-import contextlib
 import copy
-import gc
-import io
+import hashlib
 import logging
 import math
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -24,17 +22,22 @@ from numpy.typing import ArrayLike, NDArray
 from cablesim.build import build_scene
 from cablesim.case import Case
 from cablesim.control import Measurement
-from cablesim.control.loop import SAME_INSTANT, ControlError, ControlLoop, limited_speed
-from cablesim.integrate import IdaIntegrator, Status
+from cablesim.control.deadline import OutOfTime
+from cablesim.control.loop import ControllerRunError, ControlLoop
+from cablesim.control.measurement import Places
+from cablesim.driving import Driven, Orders
+from cablesim.integrate import IdaIntegrator, Outcome
 from cablesim.integrate.ida import IdaOptions
 from cablesim.integrate.protocol import Counters
 from cablesim.mesh import Mesh, build_mesh
-from cablesim.motion import FOREVER, Motion
+from cablesim.motion.drive import ramp
 from cablesim.physics.model import CableModel, build_model
 from cablesim.physics.scales import Scales, absolute_tolerances, scene_scales
 from cablesim.physics.winch import material_velocity
-from cablesim.scene import Control, Scene
+from cablesim.scene import Control, Scene, Winch
 from cablesim.statics import InitialState, find_initial_state
+from cablesim.status import WINCH_STOPS, Status
+from cablesim.stops import SAME_TIME, Stop, Stops, same_time
 from cablesim.trajectory.dataset import build_dataset
 from cablesim.trajectory.history import History, WinchEvent
 from cablesim.winch import Winding
@@ -42,8 +45,6 @@ from cablesim.winch import Winding
 Array = NDArray[np.float64]
 
 log = logging.getLogger("cablesim")
-
-SAME_TIME = 1e-12  # times closer than this are one: output times and corners differ by rounding
 
 START_CHANGE, RESTART_CHANGE = 0.5, 10.0
 """Change of the state in the first step, over its tolerance.
@@ -76,9 +77,9 @@ class Snapshot:
     y: Array
     yp: Array
     model: CableModel
-    driven: tuple[bool, bool, bool]
-    driven_until: float
+    driven: Driven
     loop: ControlLoop | None
+    scene: str
 
 
 @dataclass(frozen=True)
@@ -156,25 +157,21 @@ class Simulation:
         self.initial: InitialState = self._find_initial_state()
         self._scales: Scales = scene_scales(self.scene, self.initial.model, self.initial.y)
         self._integrators: OrderedDict[int, IdaIntegrator] = OrderedDict()  # by number of segments
+        self._fingerprint = _fingerprint(self.initial.model, self.scene)
         self.reset()
 
     def reset(self) -> None:
         """Go back to t = 0 and the initial shape."""
         scene, start = self.scene, self.initial.model
-        self._driven, self._driven_until = (False, False, False), -math.inf
-        self._stops = self._input_stops()
+        self._follow(Driven())
         self._counters = Counters()
-        for integrator in self._integrators.values():
-            integrator.close()
-        self._integrators.clear()
+        self._close_integrators()
         self._events: list[WinchEvent] = []
         self._model = start.with_parameters(start.parameters)
-        self._winding: Winding | None = None
+        self._winding = self._new_winding()
         self._loop: ControlLoop | None = None
-        if scene.winch is not None:
-            self._winding = Winding(self.mesh, scene.winch.minimum_length, self._model, self._build_model)
-            if isinstance(scene.winch.payout, Control):
-                self._loop = ControlLoop(scene.winch.payout, scene.winch)
+        if scene.winch is not None and isinstance(scene.winch.payout, Control):
+            self._loop = ControlLoop(scene.winch.payout, scene.winch)
         self._failure = ""
         self._begin(0.0, self.initial.y.copy())
 
@@ -210,12 +207,11 @@ class Simulation:
         history = History(self._output_times(), self._whole_model().layout)
         history.events = self._events = []
         history.record(self._y, self._yp, self._deployed())
-        self._counters.deadline = time.monotonic() + (self.scene.numerics.time_limit or math.inf)
-        with _undisturbed():
-            try:
-                status = self._record_run(history, progress)
-            except KeyboardInterrupt:  # outside the integrator
-                status = Status.INTERRUPTED
+        self._set_deadline()
+        try:
+            status = self._record_run(history, progress)
+        except KeyboardInterrupt:  # outside the integrator
+            status = Status.INTERRUPTED
         if status is not Status.COMPLETED:
             history.close(self._time, self._y, self._yp, self._deployed())
         return build_dataset(
@@ -244,6 +240,10 @@ class Simulation:
     ) -> Observation:
         """Advance by `duration` seconds.
 
+        A step ends early where a run would end, and says so by its status.  Where the winch can go no
+        further, time stands still for as long as it is told, or left, to go on; ordered to stop or to
+        turn, it begins from rest.
+
         Parameters
         ----------
         duration : float
@@ -264,17 +264,19 @@ class Simulation:
         Raises
         ------
         ValueError
-            When the step is not positive, a free end or a cable of fixed length is driven, or a planar
-            scene is driven out of its plane.
+            When the step is no longer than `SAME_TIME` or ends after a motion that is known only for a
+            while, a free end or a cable of fixed length is driven, or a planar scene is driven out of
+            its plane.
         """
-        if not duration > 0.0:
-            raise ValueError(f"step: duration is {duration!r} s; give a positive number.")
-        commands = (velocity_a, velocity_b, payout_speed)
-        if any(self._driven) or any(command is not None for command in commands):
-            self._drive(duration, *commands)
-        with _undisturbed():
-            status = self._advance(self._time + duration)
-        return self.observe(status)
+        if not SAME_TIME < duration < math.inf:
+            raise ValueError(f"step: duration is {duration!r} s; give a positive number above {SAME_TIME:g}.")
+        until = self._stops.snapped(self._time + duration)
+        orders = Orders(velocity_a, velocity_b, payout_speed)
+        if self._driven.any() or orders.any():
+            self._drive(orders, until)
+        self._refuse_unknown(until)
+        self._set_deadline()
+        return self.observe(self._advance(until))
 
     def observe(self, status: Status = Status.COMPLETED) -> Observation:
         """The cable now, in the world frame; `status` is kept with it."""
@@ -311,17 +313,36 @@ class Simulation:
             self._yp,
             self.model.with_parameters(self.model.parameters),
             self._driven,
-            self._driven_until,
             copy.deepcopy(self._loop),
+            self._fingerprint,
         )
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Come back to a moment; the integrator restarts there: runs agree to tolerance, not to the bit."""
-        self._driven, self._driven_until = snapshot.driven, snapshot.driven_until
-        self._stops = self._input_stops()
+        """Come back to a moment; the integrator restarts there: runs agree to tolerance, not to the bit.
+
+        Raises
+        ------
+        ValueError
+            When the snapshot was taken in another scene.
+        """
+        if snapshot.scene != self._fingerprint:
+            raise ValueError(
+                "restore: the snapshot is of another scene: cable, bodies, water, mesh, motions or winch "
+                "differ; restore it in a simulation of the case that it was taken in."
+            )
         self._loop = copy.deepcopy(snapshot.loop)
+        self._follow(snapshot.driven)
         self._use(snapshot.model.with_parameters(snapshot.model.parameters))
         self._begin(snapshot.time, snapshot.y, snapshot.yp)
+
+    def __getstate__(self) -> dict[str, object]:
+        return {name: value for name, value in vars(self).items() if name not in _REMADE}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        vars(self).update(state)
+        self._integrators = OrderedDict()
+        self._winding = self._new_winding()
+        self._begin(self._time, self._y, self._yp)
 
     # Inside -------------------------------------------------------------------------------------
 
@@ -347,6 +368,15 @@ class Simulation:
         log.debug(initial.message)
         return initial
 
+    def _new_winding(self) -> Winding | None:
+        winch = self.scene.winch
+        if winch is None:
+            return None
+        return Winding(self.mesh, winch.minimum_length, self._model, self._build_model)
+
+    def _set_deadline(self) -> None:
+        self._counters.deadline = time.monotonic() + (self.scene.numerics.time_limit or math.inf)
+
     def _build_model(self, mesh: Mesh) -> CableModel:
         return build_model(self.scene, mesh, self.model.frame)
 
@@ -369,6 +399,10 @@ class Simulation:
         self._integrators.move_to_end(segments)
         self._integrators[segments].equations = model
         return self._integrators[segments]
+
+    def _close_integrators(self) -> None:
+        while self._integrators:
+            self._integrators.popitem()[1].close()
 
     def _new_integrator(self, model: CableModel) -> IdaIntegrator:
         numerics = self.scene.numerics
@@ -395,7 +429,7 @@ class Simulation:
         rate = max(float(np.sqrt(np.mean(rates**2))), 1e-300)
         if self._integrators:
             return RESTART_CHANGE / rate
-        return min(1e-3 * self._stops[0][0], START_CHANGE / rate)
+        return min(1e-3 * (self._stop.time - self._time), START_CHANGE / rate)
 
     def _use(self, model: CableModel) -> None:
         """Go on with other equations."""
@@ -410,30 +444,17 @@ class Simulation:
         self._integrator = self._integrator_of(self.model)
         self._integrator.start(t, self._y, self._yp)
 
-    def _input_stops(self) -> list[tuple[float, bool]]:
-        """Times at which the input has a corner (False) or a jump of velocity (True), then the end.
-
-        What is driven from outside has left its motion.
-        """
-        scene, stops = self.scene, {self.scene.duration: False}
-        program = scene.winch.payout if scene.winch is not None else None
-        for motion, driven in zip(
-            (scene.end_a.motion, scene.end_b.motion, program), self._driven, strict=True
-        ):
-            if isinstance(motion, Motion) and not driven:
-                stops |= {float(t): False for t in motion.corners if float(t) not in stops}
-                stops |= {float(t): True for t in motion.jumps}
-        return sorted((t, jump) for t, jump in stops.items() if t <= scene.duration)
+    def _follow(self, driven: Driven) -> None:
+        """Let these inputs be driven from outside; the stops of the others stay in force."""
+        self._driven = driven
+        self._stops = Stops(driven.motions(self.scene), self.scene.duration)
 
     def _look_ahead(self) -> None:
         """Find the next stop, and the last time that may be evaluated before something changes."""
-        self._stop, self._jump = next(
-            ((t, jump) for t, jump in self._stops if t > self._time), (math.inf, False)
-        )
-        if self._time < self._driven_until < self._stop:
-            self._stop, self._jump = self._driven_until, False
-        # the motion after a jump must not be seen before it
-        self._limit = math.nextafter(self._stop, 0.0) if self._jump else self._stop
+        self._stop, ramp_end = self._stops.after(self._time), self._driven.until
+        if self._time < ramp_end < self._stop.time and not same_time(self._time, ramp_end):
+            self._stop = Stop(ramp_end, ramp_end, False)
+        self._limit = self._stop.limit
         if self._loop is not None:
             self._limit = min(self._limit, self._loop.known_until)
         if self._winding is not None:
@@ -441,24 +462,33 @@ class Simulation:
 
     def _advance(self, t: float) -> Status:
         """Go to `t`, stopping at the corners of the inputs and restarting where something jumps."""
-        while t - self._time > SAME_TIME * max(1.0, abs(t)):  # closer than that, IDA refuses to start
-            status = self._sample_controller()
+        while self._time < t and not same_time(self._time, t):
+            status = self._try_to_advance(t)
             if status is not Status.COMPLETED:
+                self._begin(self._time, self._y, self._yp)  # what comes next comes from here
                 return status
-            if self._time >= self._limit:
-                self._look_ahead()
-            target = min(t, self._limit)
-            if self._loop is not None:
-                target = min(target, self._loop.next_sample)
-            status, self._time, self._y, self._yp = self._integrator.advance(target, self._limit)
-            if status is Status.EVENT:
-                status = self._wind()
-            if status is not Status.COMPLETED:
-                return status
-            if self._jump and math.nextafter(self._time, math.inf) >= self._stop:
-                self.model.impose_end_velocities(self._stop, self._y)
-                self._begin(self._stop, self._y)
+            if self._stop.jump and same_time(self._time, self._stop.time):
+                self._restart_at(self._stop.resume)
         return Status.COMPLETED
+
+    def _try_to_advance(self, t: float) -> Status:
+        """Go as far towards `t` as the integrator can go at once."""
+        ended = None if self._winding is None else self._winding.ended(self._time)
+        status = self._sample_controller() if ended is None else ended
+        if status is not Status.COMPLETED:
+            return status
+        if self._time >= self._limit or same_time(self._time, self._limit):
+            self._look_ahead()
+        target = min(t, self._limit)
+        if self._loop is not None:
+            target = min(target, self._loop.next_sample)
+        outcome, self._time, self._y, self._yp = self._integrator.advance(target, self._limit)
+        return self._wind() if outcome is Outcome.EVENT else Status.of(outcome)
+
+    def _restart_at(self, t: float) -> None:
+        """Begin anew where the velocity of an input jumps."""
+        self.model.impose_end_velocities(t, self._y)
+        self._begin(t, self._y)
 
     # The winch -----------------------------------------------------------------------------------
 
@@ -488,48 +518,47 @@ class Simulation:
 
     def _sample_controller(self) -> Status:
         """Ask the controller when it is time to, and let the winch's speed go to its answer evenly."""
-        if self._loop is None or self._time < self._loop.next_sample - SAME_INSTANT:
+        if self._loop is None or not self._loop.due(self._time):
             return Status.COMPLETED
         start, period = self._loop.next_sample, self._loop.period
         ahead, speed_ahead = self.model.deployed_length(start + period)
         try:
-            speed = self._loop.sample(self._measure(), speed_ahead)
-        except ControlError as error:
+            speed = self._loop.sample(self._measure(), speed_ahead, self._counters.deadline)
+        except ControllerRunError as error:
             self._failure = str(error)
             return Status.CONTROLLER_FAILED
+        except OutOfTime:
+            self._failure = "The winch's controller was still at work."
+            return Status.TIME_LIMIT
         # the piece that is under way stays; behind it the answer is appended
-        breaks, coefficients = _length_ramp(start + period, period, ahead, speed_ahead, speed)
         table = self.model.parameters
         length, now = self.model.deployed_length(start)
         table.winch_coefficients[0, :3, 0] = length, now, 0.5 * (speed_ahead - now) / period
-        table.winch_breaks[0], table.winch_breaks[1:] = start, breaks
-        table.winch_coefficients[1:] = coefficients
+        table.winch_breaks[0] = start
+        table.winch_breaks[1:], table.winch_coefficients[1:] = ramp(
+            start + period, start + 2 * period, np.array([ahead]), np.array([speed_ahead]), np.array([speed])
+        )
         self._look_ahead()
         return Status.COMPLETED
 
     def _measure(self) -> Measurement:
-        """What a controller may know; places are computed when it asks for them."""
-        model, t, y = self.model, self._time, self._y
-        length, speed = model.deployed_length(t)
-        tension = model.layout.tension(y)
+        """What a controller may know."""
+        seen = self.observe()
         return Measurement(
-            time=t,
-            deployed_length=length,
-            payout_speed=speed,
-            tension_a=float(tension[0]),
-            tension_b=float(tension[-1]),
-            locate=_Places(model, t, y, self._node_of),
+            time=seen.time,
+            deployed_length=seen.deployed_length,
+            payout_speed=seen.payout_speed,
+            tension_a=float(seen.tension[0]),
+            tension_b=float(seen.tension[-1]),
+            locate=Places(seen.position, seen.velocity, self._nodes_by_name),
         )
 
-    def _node_of(self, name: str) -> int | None:
-        """Node of an attachment, or of end ``a``; ``None`` for ``b``."""
-        if name in ("a", "b"):
-            return 0 if name == "a" else None
-        for attachment, node in zip(self.scene.attachments, self.mesh.attachment_nodes, strict=True):
-            if attachment.name == name:
-                return int(node)
-        names = ", ".join(attachment.name for attachment in self.scene.attachments)
-        raise KeyError(f"there is no attachment {name!r}; known are a, b, {names}")
+    @cached_property
+    def _nodes_by_name(self) -> dict[str, int]:
+        """Node of each attachment on the whole cable, and of the ends."""
+        names = [attachment.name for attachment in self.scene.attachments]
+        places = dict(zip(names, self.mesh.attachment_nodes.tolist(), strict=True))
+        return {"a": 0, "b": self.mesh.segments, **places}
 
     def _deployed(self) -> Array | None:
         """Deployed length, its speed and acceleration now; ``None`` without a winch."""
@@ -537,86 +566,49 @@ class Simulation:
 
     # Driven from outside ---------------------------------------------------------------------------
 
-    def _drive(
-        self,
-        duration: float,
-        velocity_a: ArrayLike | None,
-        velocity_b: ArrayLike | None,
-        payout_speed: float | None,
-    ) -> None:
-        """Replace the motion of driven ends, and of the winch, by a ramp over this step."""
-        parameters = self.model.parameters
-        changes: dict[str, Array] = {}
-        driven = list(self._driven)
-        for k, (name, command, end) in enumerate(
-            (("a", velocity_a, self.scene.end_a), ("b", velocity_b, self.scene.end_b))
-        ):
-            if command is None and not driven[k]:
-                continue
-            if end.motion is None:
-                raise ValueError(f"step: velocity_{name} drives a free end; give it a motion in the case.")
-            changes |= self._ramp(name, duration, command)
-            driven[k] = True
-        if payout_speed is not None or driven[2]:
-            changes |= self._payout_ramp(duration, payout_speed)
-            driven[2] = True
-        begins = not any(self._driven)
-        self._driven = (driven[0], driven[1], driven[2])
-        self._driven_until = self._time + duration
-        self._stops = self._input_stops()
-        self._use(self.model.with_parameters(parameters._replace(**changes)))
+    def _drive(self, orders: Orders, until: float) -> None:
+        """Replace the motion of what is driven by a ramp over this step."""
+        limit = None if self._winding is None else self._winding.limit_at(self._time)
+        before, begins = self.model, not self._driven.any()
+        driven, tables = self._driven.follow(orders, self.scene, before, limit, self._time, until)
+        self._follow(driven)
+        if driven.winch:
+            self._loop = None
+        self._use(before.with_parameters(before.parameters._replace(**tables)))
         self._integrator.equations = self.model
-        if begins:  # the integrator may have stepped beyond, into what will not be
+        if self.model.deployed_length(self._time) != before.deployed_length(self._time):
+            self._restart_at(self._time)  # the winch, stopped at its limit
+        elif begins:  # the integrator may have stepped beyond, into what will not be
             self._begin(self._time, self._y, self._yp)
         else:
             self._look_ahead()
 
-    def _payout_ramp(self, duration: float, command: float | None) -> dict[str, Array]:
-        """Breaks and coefficients of a deployed length whose rate changes evenly over `duration`."""
-        if self.scene.winch is None:
-            raise ValueError("step: payout_speed drives a cable of fixed length; give the case a winch.")
-        length, present = self.model.deployed_length(self._time)
-        asked = present if command is None else float(command)
-        if not math.isfinite(asked):
-            raise ValueError(f"step: payout_speed is {command!r}; give a finite number [m/s].")
-        target = limited_speed(asked, present, duration, self.scene.winch)
-        self._loop = None
-        breaks, coefficients = _length_ramp(self._time, duration, length, present, target)
-        return {"winch_breaks": breaks, "winch_coefficients": coefficients}
-
-    def _ramp(self, name: str, duration: float, command: ArrayLike | None) -> dict[str, Array]:
-        """Breaks and coefficients of an end that changes its velocity evenly over `duration`."""
-        frame = self.model.frame
-        place, now = self.model.end_place_and_velocity(name, self._time)
-        target = now
-        if command is not None:
-            world = np.asarray(command, dtype=float)
-            target = frame.vectors_in(world) if world.shape == (3,) else now
-            if world.shape != (3,) or not np.allclose(frame.vectors_out(target), world, rtol=0.0, atol=1e-9):
-                raise ValueError(
-                    f"step: velocity_{name} is {command!r}; give three numbers, and set simulation.skip to "
-                    "false in the case when the motion leaves the plane in which the scene began."
-                )
-        coefficients = np.zeros((2, 6, frame.dimension))
-        coefficients[0, :3] = place, now, 0.5 * (target - now) / duration
-        coefficients[1, :2] = place + 0.5 * (now + target) * duration, target
-        breaks = np.array([self._time, self._time + duration, self._time + FOREVER])
-        return {f"breaks_{name}": breaks, f"coefficients_{name}": coefficients}
+    def _refuse_unknown(self, t: float) -> None:
+        """Refuse a time at which a motion of the case is not known."""
+        known = min((motion.end_time for motion in self._driven.motions(self.scene)), default=math.inf)
+        if t > known and not same_time(t, known):
+            raise ValueError(
+                f"step: a motion of the case is known only up to {known:g} s, and the step ends at {t:g} s; "
+                "give a longer motion, or drive what it moves."
+            )
 
     def _output_times(self) -> Array:
-        interval, end = self.scene.output.interval, self.scene.duration
-        steps = np.arange(np.floor(self._time / interval) + 1, np.floor(end / interval + 1e-9) + 1)
-        times = np.concatenate(([self._time], steps * interval))
-        return times if end - times[-1] < 1e-9 * interval else np.append(times, end)
+        """Now, the multiples of the interval in between, and the end of the case."""
+        now, interval, end = self._time, self.scene.output.interval, self.scene.duration
+        if now >= end or same_time(now, end):
+            return np.array([now])
+        multiples = interval * np.arange(np.floor(now / interval) + 1, np.ceil(end / interval))
+        between = [t for t in multiples if not (same_time(t, now) or same_time(t, end))]
+        return np.array([now, *map(self._stops.snapped, between), end])
 
     def _message(self, status: Status) -> str:
         if status is Status.COMPLETED:
             return status.sentence
         where = f"Stopped at t = {self._time:.6g} s of {self.scene.duration:g} s"
-        if status in _WINCH_STOPS:
+        if status in WINCH_STOPS:
             length = self.model.deployed_length(self._time)[0]
             return f"{where}, with {length:.6g} m deployed. {status.sentence}"
-        if status is Status.CONTROLLER_FAILED:
+        if self._failure:
             return f"{where}. {self._failure} {status.sentence}"
         return f"{where}, {self._worst()}. {status.sentence}"
 
@@ -631,55 +623,23 @@ class Simulation:
 
 
 _TABLES = ("breaks", "coefficients")
-_WINCH_STOPS = (Status.ATTACHMENT_AT_WINCH, Status.DRUM_EMPTY, Status.MINIMUM_LENGTH)
+_REMADE = ("_integrators", "_integrator", "_winding")
+"""What a copy of a simulation makes for itself: solvers, and equations that can be had again."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Places:
-    """Place and velocity of a named point in a state, in the world frame."""
-
-    model: CableModel
-    time: float
-    y: Array
-    node_of: Callable[[str], int | None]
-
-    @cached_property
-    def _found(self) -> dict[str, tuple[Array, Array]]:
-        return {}
-
-    def __call__(self, name: str) -> tuple[Array, Array]:
-        if name not in self._found:
-            frame, segments = self.model.frame, self.model.layout.segments
-            node = self.node_of(name)
-            node = segments if node is None else min(node, segments)
-            place, velocity = self.model.node_place_and_velocity(node, self.time, self.y)
-            self._found[name] = frame.places_out(place), frame.vectors_out(velocity)
-        return self._found[name]
+def _fingerprint(model: CableModel, scene: Scene) -> str:
+    """What tells a scene from others for which its states mean nothing."""
+    digest = hashlib.sha256()
+    for part in (model.features, model.layout, scene.winch and _winch_facts(scene.winch)):
+        digest.update(repr(part).encode())
+    for field in fields(model.frame):
+        digest.update(np.asarray(getattr(model.frame, field.name), dtype=float).tobytes())
+    for array in model.parameters:
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
 
 
-def _length_ramp(t: float, duration: float, length: float, now: float, then: float) -> tuple[Array, Array]:
-    """Breaks (3,) and coefficients (2, 6, 1) of a length whose rate goes evenly from `now` to `then`."""
-    ramp = [length, now, 0.5 * (then - now) / duration, 0.0, 0.0, 0.0]
-    after = [length + 0.5 * (now + then) * duration, then, 0.0, 0.0, 0.0, 0.0]
-    return np.array([t, t + duration, t + FOREVER]), np.array([ramp, after])[:, :, None]
-
-
-@contextlib.contextmanager
-def _undisturbed() -> Iterator[None]:
-    """Integrate without interruptions from elsewhere.
-
-    The binding of IDA prints its warnings on standard output; they belong in the log.  It also makes
-    many short-lived containers, none in a cycle: the garbage collector would look through the whole
-    process every few steps and find nothing (some 3 % of the samples of a short run's profile).
-    """
-    text = io.StringIO()
-    collecting = gc.isenabled()
-    gc.disable()
-    try:
-        with contextlib.redirect_stdout(text):
-            yield
-    finally:
-        if collecting:
-            gc.enable()
-        if text.getvalue().strip():
-            log.debug(text.getvalue().strip())
+def _winch_facts(winch: Winch) -> tuple[float, ...]:
+    control = winch.payout
+    sampling = (control.period, control.delay) if isinstance(control, Control) else ()
+    return (winch.maximum_speed, winch.maximum_acceleration, winch.minimum_length, *sampling)

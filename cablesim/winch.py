@@ -1,6 +1,6 @@
 """The winch of a running simulation: when nodes come and go, and the equations of each size.
 
-Depends on: scene, mesh, motion, integrate.protocol, physics.
+Depends on: mesh, motion, status, physics.
 """
 
 from __future__ import annotations
@@ -12,17 +12,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cablesim.integrate.protocol import Status
 from cablesim.mesh import FEWEST, Mesh
 from cablesim.motion import earliest_fall
 from cablesim.physics.model import CableModel
 from cablesim.physics.parameters import WINCH_START_
 from cablesim.physics.winch import insert_node, remove_node
+from cablesim.status import Status
 
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-9
 """Part of the cable's length by which its end or the minimum may be passed before the run stops."""
+
+AT_REST = 1e-12
+"""Payout speed [m/s] up to which the winch is at rest."""
 
 GUARD = 0.5
 """Part of the shortest winch segment that a step may reel in beyond the length at which its node goes."""
@@ -63,6 +66,27 @@ def bounds_at(mesh: Mesh, segments: int, minimum_length: float) -> Bounds:
     return Bounds(low, high, at_low, None)
 
 
+@dataclass(frozen=True)
+class Limit:
+    """Where the winch can go no further.
+
+    Attributes
+    ----------
+    status : Status
+        What a run that goes on towards it ends with.
+    side : int
+        Sign of the payout speeds that it forbids.
+    """
+
+    status: Status
+    side: int
+
+    def forbids(self, speed: float, rate: float = 0.0) -> bool:
+        """Whether a payout speed [m/s], or its rate [m/s2] at rest, goes on towards it."""
+        towards = self.side * speed
+        return towards > AT_REST or (towards >= -AT_REST and self.side * rate > 0.0)
+
+
 class Winding:
     """Nodes that are out, and the models of the sizes met lately; for the integrator, its event functions.
 
@@ -99,6 +123,23 @@ class Winding:
         """Go on with these equations."""
         self.model = self._models[model.layout.segments] = model
         self.bounds = bounds_at(self._mesh, model.layout.segments, self._minimum)
+
+    def limit_at(self, t: float) -> Limit | None:
+        """The limit at which the winch is, if it is at one."""
+        length = self.model.deployed_length(t)[0]
+        near = 0.5 * ROUNDING * float(self._mesh.nodes[-1])
+        if self.bounds.at_low is not None and length <= self.bounds.low + near:
+            return Limit(self.bounds.at_low, -1)
+        if self.bounds.at_high is not None and length >= self.bounds.high - near:
+            return Limit(self.bounds.at_high, 1)
+        return None
+
+    def ended(self, t: float) -> Status | None:
+        """The status of a winch that is at a limit and goes on towards it."""
+        limit = self.limit_at(t)
+        if limit is None or not limit.forbids(*self.model.deployed_motion(t)[1:]):
+            return None
+        return limit.status
 
     def cross(self, t: float, y: Array, yp: Array) -> tuple[Status, Array]:
         """Put a node on the drum or take one from it, at the bound that has been reached.

@@ -18,7 +18,7 @@ from cablesim.control import (
     ConstantLength,
     ConstantTension,
     Controller,
-    ControllerError,
+    ControllerLoadError,
     Measurement,
     user_controller,
 )
@@ -361,7 +361,7 @@ def test_controllers_that_cannot_be_had(
     (directory / "broken.py").write_text("one = 1\ntwo = one / 0\n")
     (directory / "unfinished.py").write_text("def slack(measured:\n")
     (directory / "leaving.py").write_text("raise SystemExit(3)\n")
-    with pytest.raises(ControllerError) as caught:
+    with pytest.raises(ControllerLoadError) as caught:
         user_controller(reference, directory, options)
     for word in words:
         assert word in str(caught.value)

@@ -15,7 +15,6 @@ from scenes import FREE, VACUUM, body, cable, driven, held, scene, straight
 
 from cablesim import Simulation, simulate, write
 from cablesim.control import Measurement
-from cablesim.integrate import Status
 from cablesim.mesh import FEWEST, LONGEST_BEYOND, ON_DRUM, SHORTEST, build_mesh
 from cablesim.motion import earliest_fall, payout_waypoints, recorded_length
 from cablesim.physics.model import CableModel, build_model
@@ -25,6 +24,7 @@ from cablesim.physics.winch import insert_node, material_velocity, remove_node
 from cablesim.saved_state import read_saved_state
 from cablesim.scene import Control, Scene, Winch
 from cablesim.statics import find_initial_state
+from cablesim.status import Status
 
 Array = NDArray[np.float64]
 

@@ -296,6 +296,6 @@ def _function(review: Review, given: models.FunctionPayout) -> Any:
     make = partial(control.user_controller, given.function, review.directory.resolve(), given.options)
     try:
         make()
-    except control.ControllerError as error:
+    except control.ControllerLoadError as error:
         raise review.refuse((*_WHERE, "function"), error.message, error.remedy) from error
     return make

@@ -8,5 +8,5 @@ from cablesim.control.laws import ConstantLength as ConstantLength
 from cablesim.control.laws import ConstantTension as ConstantTension
 from cablesim.control.measurement import Controller as Controller
 from cablesim.control.measurement import Measurement as Measurement
-from cablesim.control.user import ControllerError as ControllerError
+from cablesim.control.user import ControllerLoadError as ControllerLoadError
 from cablesim.control.user import user_controller as user_controller

@@ -6,26 +6,34 @@ is known a period ahead, the integrator steps over sampling instants as if they 
 Without that, each instant cuts a step short, and the changing steps ask for new Jacobians (README,
 design notes, has the figures).
 
-Depends on: scene, control.measurement.
+Depends on: scene, stops, control.measurement, control.deadline, control.user.
 """
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 from collections import deque
+from typing import Any
 
+import numpy as np
+
+from cablesim.control.deadline import call_until
 from cablesim.control.measurement import Controller, Measurement
+from cablesim.control.user import told
 from cablesim.scene import Control, Winch
+from cablesim.stops import same_time
 
-SAME_INSTANT = 1e-9  # [s]
 
-
-class ControlError(RuntimeError):
-    """A controller failed, or asked for something that is no speed."""
+class ControllerRunError(RuntimeError):
+    """A controller at work failed, or asked for something that is no speed."""
 
 
 class ControlLoop:
     """A controller at work: when it is sampled, what it is given, and what the winch makes of its answer.
+
+    The controller is made when it is first asked.
 
     Parameters
     ----------
@@ -37,7 +45,7 @@ class ControlLoop:
 
     def __init__(self, control: Control, winch: Winch) -> None:
         self._control, self._winch = control, winch
-        self._controller: Controller = control.make()
+        self._controller: Controller | None = None
         self._measured: deque[Measurement] = deque()
         self._samples = 0
 
@@ -56,7 +64,11 @@ class ControlLoop:
         """Time up to which the winch's motion is settled [s]."""
         return self.next_sample + self._control.period
 
-    def sample(self, measured: Measurement, speed_ahead: float) -> float:
+    def due(self, t: float) -> bool:
+        """Whether it is time for the next sample."""
+        return t >= self.next_sample or same_time(t, self.next_sample)
+
+    def sample(self, measured: Measurement, speed_ahead: float, deadline: float = math.inf) -> float:
         """Payout speed [m/s] that the winch will have two sampling instants from now.
 
         Parameters
@@ -65,33 +77,76 @@ class ControlLoop:
             The world now; the controller is given the newest one that is old enough.
         speed_ahead : float
             Payout speed that the winch will have at the next sampling instant [m/s].
+        deadline : float
+            Instant of ``time.monotonic()`` at which the controller must have answered.
 
         Raises
         ------
-        ControlError
+        ControllerRunError
             When the controller raises an exception or its answer is not a finite number.
+        OutOfTime
+            When it has not answered at the deadline.
         """
+        if self._controller is None:
+            self._controller = call_until(deadline, self._control.make)
         self._samples += 1
         self._measured.append(measured)
-        latest = measured.time - self._control.delay + SAME_INSTANT
-        while len(self._measured) > 1 and self._measured[1].time <= latest:
+        latest = measured.time - self._control.delay
+        while len(self._measured) > 1 and _no_later(self._measured[1].time, latest):
             self._measured.popleft()
-        asked = self._ask(self._measured[0])
+        asked = self._ask(self._controller, self._measured[0], deadline)
         return limited_speed(asked, speed_ahead, self._control.period, self._winch)
 
-    def _ask(self, known: Measurement) -> float:
+    def _ask(self, controller: Controller, known: Measurement, deadline: float) -> float:
         try:
-            asked = float(self._controller(known))
-        except Exception as error:  # whatever a user's function raises, the run keeps what it has
-            raise ControlError(
-                f"The winch's controller failed at t = {known.time:g} s: {type(error).__name__}: {error}."
+            answer = _number(call_until(deadline, controller, known))
+        except (
+            Exception,
+            SystemExit,
+        ) as error:  # whatever a user's function raises, the run keeps what it has
+            raise ControllerRunError(
+                f"The winch's controller failed at t = {known.time:g} s: {told(error)}."
             ) from error
-        if not math.isfinite(asked):
-            raise ControlError(
-                f"The winch's controller asked for a payout speed of {asked} m/s at t = {known.time:g} s; "
+        if not math.isfinite(answer):
+            raise ControllerRunError(
+                f"The winch's controller asked for a payout speed of {answer} m/s at t = {known.time:g} s; "
                 "it must return a finite number."
             )
-        return asked
+        return answer
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> ControlLoop:
+        twin = ControlLoop(self._control, self._winch)
+        twin._continue(*copy.deepcopy(self._progress(), memo))
+        return twin
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # a controller from a file is of a module that only making one brings into a process
+        return _unpickled, (self._control, self._winch, pickle.dumps(self._progress()))
+
+    def _progress(self) -> tuple[Controller | None, deque[Measurement], int]:
+        return self._controller, self._measured, self._samples
+
+    def _continue(self, controller: Controller | None, measured: deque[Measurement], samples: int) -> None:
+        self._controller, self._measured, self._samples = controller, measured, samples
+
+
+def _unpickled(control: Control, winch: Winch, progress: bytes) -> ControlLoop:
+    loop = ControlLoop(control, winch)
+    control.make()
+    loop._continue(*pickle.loads(progress))
+    return loop
+
+
+def _no_later(time: float, latest: float) -> bool:
+    return time <= latest or same_time(time, latest)
+
+
+def _number(answer: Any) -> float:
+    """The number that a controller has returned, be it in an array."""
+    array = np.asarray(answer)
+    if array.size != 1 or array.dtype.kind not in "buifO":
+        raise TypeError(f"it returned {answer!r:.60}, which is not one number")
+    return float(array.item())
 
 
 def limited_speed(asked: float, present: float, duration: float, winch: Winch) -> float:

@@ -6,7 +6,7 @@ Depends on: nothing of ours.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -51,6 +51,30 @@ class Measurement:
     def distance(self, first: str, second: str) -> float:
         """Distance between two attachments or ends [m]."""
         return math.dist(self.position(first), self.position(second))
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where everything is at one moment, in the world frame: what `Measurement.locate` calls.
+
+    Attributes
+    ----------
+    positions, velocities : ndarray, shape (n+1, 3)
+        Of the nodes between the ends [m], [m/s].
+    nodes : mapping
+        Node of each name; one beyond the last is where the winch is.
+    """
+
+    positions: Array
+    velocities: Array
+    nodes: Mapping[str, int]
+
+    def __call__(self, name: str) -> tuple[Array, Array]:
+        """Place and velocity, each (3,), of an attachment or end."""
+        if name not in self.nodes:
+            raise KeyError(f"there is no attachment {name!r}; known are {', '.join(self.nodes)}")
+        node = min(self.nodes[name], len(self.positions) - 1)
+        return self.positions[node].copy(), self.velocities[node].copy()
 
 
 class Controller(Protocol):

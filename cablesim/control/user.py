@@ -22,7 +22,7 @@ from typing import Any, NoReturn
 from cablesim.control.measurement import Controller
 
 
-class ControllerError(ValueError):
+class ControllerLoadError(ValueError):
     """A controller of the user's that cannot be had.
 
     Attributes
@@ -62,7 +62,7 @@ def user_controller(reference: str, directory: str | Path, options: Mapping[str,
 
     Raises
     ------
-    ControllerError
+    ControllerLoadError
         If the file, the module or the name is not there, importing or making it raises an
         exception, or it cannot be called with what it would be given.
     """
@@ -70,7 +70,7 @@ def user_controller(reference: str, directory: str | Path, options: Mapping[str,
     given = copy.deepcopy(dict(options))
     if not isinstance(found, type):
         if not callable(found):
-            raise ControllerError(
+            raise ControllerLoadError(
                 f"{reference} is no function but {found!r:.60}",
                 "Name a function of one measurement, or a class whose instances are such functions.",
             )
@@ -79,12 +79,12 @@ def user_controller(reference: str, directory: str | Path, options: Mapping[str,
     _check_call(reference, found, (), given)
     try:
         controller = found(**given)
-    except Exception as error:
-        raise ControllerError(
-            f"{reference} cannot be made: {_told(error)}", "Check the class and its `options`."
+    except (Exception, SystemExit) as error:
+        raise ControllerLoadError(
+            f"{reference} cannot be made: {told(error)}", "Check the class and its `options`."
         ) from error
     if not callable(controller):
-        raise ControllerError(
+        raise ControllerLoadError(
             f"instances of {reference} cannot be called",
             "Give the class a method `__call__(self, measured)` that returns a payout speed.",
         )
@@ -96,14 +96,14 @@ def _named(reference: str, directory: Path) -> Any:
     """Find what a reference names."""
     home, _, name = reference.rpartition(":")
     if not home or not name:
-        raise ControllerError(
+        raise ControllerLoadError(
             f"{reference} does not name a function in a file or module",
             "Write file.py:name or package.module:name.",
         )
     module = _run_file(directory / home) if home.endswith(".py") else _import_module(home, directory)
     if not hasattr(module, name):
         public = [known for known in vars(module) if not known.startswith("_")]
-        raise ControllerError(
+        raise ControllerLoadError(
             f"{home} has no {name}", _nearest(name, public) or f"Define `{name}` there, or correct the name."
         )
     return getattr(module, name)
@@ -113,7 +113,7 @@ def _run_file(path: Path) -> ModuleType:
     if not path.is_file():
         siblings = [entry.name for entry in path.parent.iterdir()] if path.parent.is_dir() else []
         remedy = _nearest(path.name, siblings) or "Paths are relative to the case file."
-        raise ControllerError(f"there is no file {path}", remedy)
+        raise ControllerLoadError(f"there is no file {path}", remedy)
     path = path.resolve()
     module = ModuleType(f"{path.stem}_{zlib.crc32(str(path).encode()):08x}")
     module.__file__ = str(path)
@@ -136,8 +136,8 @@ def _import_module(name: str, directory: Path) -> ModuleType:
 
 
 def _refuse_import(home: str, error: BaseException) -> NoReturn:
-    raise ControllerError(
-        f"importing {home} raised {_told(error)}", "Correct the code, or install what it needs."
+    raise ControllerLoadError(
+        f"importing {home} raised {told(error)}", "Correct the code, or install what it needs."
     ) from error
 
 
@@ -163,18 +163,18 @@ def _check_call(what: str, function: Any, arguments: tuple[Any, ...], options: M
     except TypeError as error:
         taken = [name for name in signature.parameters if name not in ("args", "kwargs")]
         given = [*(["the measurement"] if arguments else []), *options]
-        raise ControllerError(
+        raise ControllerLoadError(
             f"{what} takes ({', '.join(taken)}) and would be given ({', '.join(given)}): {error}",
             "Let names in `options` and arguments agree; a measurement is the first argument.",
         ) from error
 
 
-def _told(error: BaseException) -> str:
+def told(error: BaseException) -> str:
     """Kind and text of an exception, and the line of the user's code where it arose."""
     frames = [
         frame
         for frame in traceback.extract_tb(error.__traceback__)
-        if frame.filename != __file__ and not frame.filename.startswith("<frozen")
+        if Path(frame.filename).parent != Path(__file__).parent and not frame.filename.startswith("<")
     ]
     place = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
     return f"{type(error).__name__}: {error}{place}"

@@ -4,6 +4,6 @@ Depends on: nothing of ours.
 """
 
 from cablesim.integrate.ida import IdaIntegrator
-from cablesim.integrate.protocol import Equations, Integrator, Status
+from cablesim.integrate.protocol import Equations, Integrator, Outcome
 
-__all__ = ["Equations", "IdaIntegrator", "Integrator", "Status"]
+__all__ = ["Equations", "IdaIntegrator", "Integrator", "Outcome"]

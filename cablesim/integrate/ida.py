@@ -1,6 +1,6 @@
 """SUNDIALS IDA (variable-order BDF) through scikit-sundae, behind the integrator protocol.
 
-Depends on: integrate.protocol.
+Depends on: integrate.protocol, integrate.messages.
 """
 
 from __future__ import annotations
@@ -12,16 +12,18 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg.lapack import dgbtrf, dgbtrs
-from sksundae.ida import IDA, IDAJacTimes, IDAPrecond
+from sksundae._cy_ida import IDA
+from sksundae.ida import IDAJacTimes, IDAPrecond
 
-from cablesim.integrate.protocol import Array, Counters, Equations, Events, Status
+from cablesim.integrate.messages import silence
+from cablesim.integrate.protocol import Array, Counters, Equations, Events, Outcome
 
-# IDA's return codes -> what they mean to a user
-_STATUS = {
-    -1: Status.STEP_LIMIT,
-    -2: Status.ERROR_TEST_FAILURES,
-    -3: Status.ERROR_TEST_FAILURES,
-    -4: Status.CONVERGENCE_FAILURE,
+# IDA's return codes -> what they mean to the caller
+_OUTCOMES = {
+    -1: Outcome.STEP_LIMIT,
+    -2: Outcome.ERROR_TEST_FAILURES,
+    -3: Outcome.ERROR_TEST_FAILURES,
+    -4: Outcome.CONVERGENCE_FAILURE,
 }
 
 _ROOT_RETURN = 2
@@ -95,7 +97,7 @@ class IdaIntegrator:
     options : IdaOptions
         Tolerances and limits.
     events : Events, optional
-        Functions whose zeros IDA looks for.
+        Functions that are positive until the event: IDA looks for where they fall through nought.
     counters : Counters, optional
         Where to count the work; default: counters of its own.
     """
@@ -113,6 +115,7 @@ class IdaIntegrator:
         self._options = options
         self._roots = None if events is None else _Roots(events)
         self._ida = IDA(self._residual, **self._ida_options())
+        self._silent = False
         if self._roots is not None:
             self._roots.keep_nothing()
 
@@ -125,31 +128,34 @@ class IdaIntegrator:
         self.counters.starts += 1
         self._t, self._y, self._yp = t, y, yp
         self._ida.init_step(t, y, yp)
+        if not self._silent:
+            silence(self._ida)
+            self._silent = True
 
-    def advance(self, t: float, t_stop: float) -> tuple[Status, float, Array, Array]:
+    def advance(self, t: float, t_stop: float) -> tuple[Outcome, float, Array, Array]:
         """Go to `t`, never evaluating beyond `t_stop`.
 
-        A result that is not finite is never returned: the last good one is, with its status.
+        A result that is not finite is never returned: the last good one is, with the outcome.
         """
-        status = Status.COMPLETED
+        outcome = Outcome.REACHED
         try:
-            result = self._ida.step(t, method="normal", tstop=t_stop)
+            result = self._ida.step(t, "normal", t_stop)
         except KeyboardInterrupt:
-            status = Status.INTERRUPTED
+            outcome = Outcome.INTERRUPTED
         except _TimeLimit:
-            status = Status.TIME_LIMIT
+            outcome = Outcome.TIME_LIMIT
         except _NotFinite:
-            status = Status.NOT_FINITE
+            outcome = Outcome.NOT_FINITE
         else:
             if result.status < 0:
-                status = _STATUS.get(result.status, Status.CONVERGENCE_FAILURE)
+                outcome = _OUTCOMES.get(result.status, Outcome.CONVERGENCE_FAILURE)
             elif not math.isfinite(result.y.sum()):
-                status = Status.NOT_FINITE
+                outcome = Outcome.NOT_FINITE
             else:
                 self._t, self._y, self._yp = result.t, result.y, result.yp
                 if result.status == _ROOT_RETURN:
-                    status = Status.EVENT
-        return status, self._t, self._y, self._yp
+                    outcome = Outcome.EVENT
+        return outcome, self._t, self._y, self._yp
 
     def _residual(self, t: float, y: Array, yp: Array, out: Array) -> None:
         # A Python function stands between IDA and the compiled one, because it is where Ctrl-C and
@@ -204,7 +210,7 @@ class _Roots:
         self._events = events
         self.count = events.count
         self.terminal = [True] * events.count
-        self.direction = [0] * events.count
+        self.direction = [-1] * events.count
 
     def __call__(self, t: float, y: Array, yp: Array, out: Array) -> None:
         self._events(t, out)

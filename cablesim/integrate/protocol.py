@@ -16,15 +16,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-class Status(StrEnum):
-    """How an advance, or a whole run, ended."""
+class Outcome(StrEnum):
+    """How an advance ended."""
 
-    COMPLETED = "completed"
+    REACHED = "reached"
     EVENT = "event"
-    ATTACHMENT_AT_WINCH = "attachment at winch"
-    DRUM_EMPTY = "drum empty"
-    MINIMUM_LENGTH = "minimum length"
-    CONTROLLER_FAILED = "controller failed"
     INTERRUPTED = "interrupted"
     STEP_LIMIT = "step limit"
     ERROR_TEST_FAILURES = "error test failures"
@@ -32,48 +28,9 @@ class Status(StrEnum):
     NOT_FINITE = "not finite"
     TIME_LIMIT = "time limit"
 
-    @property
-    def sentence(self) -> str:
-        """What happened and what to try."""
-        return _SENTENCES[self]
-
-
-_SENTENCES = {
-    Status.COMPLETED: "The run reached its end.",
-    Status.EVENT: "An event function went through nought.",
-    Status.ATTACHMENT_AT_WINCH: (
-        "Reeling in brought an attachment to the winch: stop the winch earlier, or place the attachment "
-        "nearer to end A."
-    ),
-    Status.DRUM_EMPTY: "All cable is out: pay out less, or give a longer cable.length.",
-    Status.MINIMUM_LENGTH: (
-        "The deployed length fell to its minimum, winch.minimum_length or what the mesh needs: reel in "
-        "less, or give shorter segments."
-    ),
-    Status.CONTROLLER_FAILED: "What was computed is kept.",
-    Status.INTERRUPTED: "The run was interrupted; what was computed is kept.",
-    Status.STEP_LIMIT: (
-        "The number of steps reached simulation.max_steps: the tolerance may be too tight for the noise in a "
-        "recorded motion (raise its 'noise'), or structural_damping too small."
-    ),
-    Status.ERROR_TEST_FAILURES: (
-        "The error test failed at the smallest step: an input jumps where it was declared smooth, or the "
-        "tolerance is below what rounding allows; try a larger relative_tolerance."
-    ),
-    Status.CONVERGENCE_FAILURE: (
-        "Newton's iteration did not converge at the smallest step: look at the shape near the node named; "
-        "a finer mesh there, more structural_damping or a little bending_stiffness usually helps."
-    ),
-    Status.NOT_FINITE: "A number that is not finite appeared; the last good state is kept.",
-    Status.TIME_LIMIT: (
-        "The wall-clock limit simulation.time_limit was reached; what was computed is kept. "
-        "Where structural_damping is 0 axial waves set the step: 1e-5 s of it is often enough."
-    ),
-}
-
 
 class Events(Protocol):
-    """Functions of time whose zeros end an advance."""
+    """Functions of time that end an advance where they fall through nought."""
 
     count: int
 
@@ -130,9 +87,9 @@ class Integrator(Protocol):
         """Begin at a consistent state (the order falls to 1)."""
         ...
 
-    def advance(self, t: float, t_stop: float) -> tuple[Status, float, Array, Array]:
-        """Go to `t`, never evaluating beyond `t_stop`; returns status, time reached, Y and Y'.
+    def advance(self, t: float, t_stop: float) -> tuple[Outcome, float, Array, Array]:
+        """Go to `t`, never evaluating beyond `t_stop`; returns outcome, time reached, Y and Y'.
 
-        The status is ``EVENT`` where an event function has gone through nought on the way.
+        The outcome is ``EVENT`` where an event function has fallen through nought on the way.
         """
         ...

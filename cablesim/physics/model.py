@@ -6,6 +6,7 @@ Depends on: scene, mesh, physics.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +88,10 @@ class CableModel:
         """The same equations with other numbers (a copy)."""
         buffer, views = pack(parameters)
         return CableModel(self.layout, self.features, self.frame, views, buffer, self._equations)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # views that are copied one by one would no longer be those of the buffer
+        return _unpickled, (self.layout, self.features, self.frame, self.parameters)
 
     def residual(self, t: float, y: Array, yp: Array, out: Array) -> None:
         """Write F(t, Y, Y') to `out`, shape (size,)."""
@@ -240,6 +245,11 @@ class CableModel:
         if not self.features.free_b:
             ends.append(_second_derivative(parameters.breaks_b, parameters.coefficients_b, t))
         return np.concatenate([np.empty(0), *ends])
+
+
+def _unpickled(layout: StateLayout, features: Features, frame: Frame, parameters: Parameters) -> CableModel:
+    buffer, views = pack(parameters)
+    return CableModel(layout, features, frame, views, buffer, compile_equations(features))
 
 
 def _second_derivative(breaks: Array, coefficients: Array, t: float) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solve_banded
 
-from cablesim.motion import FOREVER
+from cablesim.motion.drive import uniform
 from cablesim.physics.model import CableModel
 from cablesim.physics.parameters import (
     DRAG_NORMAL,
@@ -176,16 +176,15 @@ def _closure_defect(y: Array, model: CableModel) -> Array:
 
 def _stopped(model: CableModel, velocity: Array) -> Parameters:
     """Parameters with both ends in uniform motion through their places at t = 0, and the winch at rest."""
-    changes = {}
-    for end in ("a", "b"):
-        coefficients = np.zeros((1, 6, model.layout.dimension))
-        coefficients[0, 0] = model.end_place_and_velocity(end, 0.0)[0]
-        coefficients[0, 1] = velocity
-        changes[f"coefficients_{end}"] = coefficients
-        changes[f"breaks_{end}"] = np.array([0.0, FOREVER])
-    changes["winch_coefficients"] = np.zeros((1, 6, 1))
-    changes["winch_coefficients"][0, 0] = model.deployed_length(0.0)[0]
-    changes["winch_breaks"] = np.array([0.0, FOREVER])
+    length = np.array([model.deployed_length(0.0)[0]])
+    tables = {
+        "a": uniform(model.end_place_and_velocity("a", 0.0)[0], velocity),
+        "b": uniform(model.end_place_and_velocity("b", 0.0)[0], velocity),
+    }
+    changes: dict[str, Array] = {}
+    for end, (breaks, coefficients) in tables.items():
+        changes |= {f"breaks_{end}": breaks, f"coefficients_{end}": coefficients}
+    changes["winch_breaks"], changes["winch_coefficients"] = uniform(length, np.zeros(1))
     return model.parameters._replace(**changes)
 
 
