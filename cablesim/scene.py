@@ -367,7 +367,8 @@ class SavedState:
     tension: Vector
 
 
-InitialShape = EquilibriumShape | TautShape | CatenaryShape | MarkerShape | SavedState
+GivenShape = EquilibriumShape | TautShape | CatenaryShape | MarkerShape
+InitialShape = GivenShape | SavedState
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -450,10 +450,10 @@ def test_two_free_ends_start_where_one_says(place: str) -> None:
     ends: dict[str, dict[str, Any]] = {"a": {"motion": "free"}, "b": {"motion": "free"}}
     ends[place]["position"] = [1, 2, 3]
     shape = build_scene(minimal(ends=ends, initial={"shape": "taut", "direction": [0, 0, 2]})).initial
-    assert isinstance(shape, data.MarkerShape)
-    np.testing.assert_allclose(np.diff(shape.positions, axis=0), [[0, 0, 3]])
-    np.testing.assert_allclose(shape.positions[0 if place == "a" else -1], [1, 2, 3])
-    np.testing.assert_allclose(shape.arc, [0, 3])
+    assert isinstance(shape, data.TautShape)
+    assert shape.places is not None
+    np.testing.assert_allclose(np.diff(shape.places, axis=0), [[0, 0, 3]])
+    np.testing.assert_allclose(shape.places[0 if place == "a" else -1], [1, 2, 3])
 
 
 def test_markers_are_tied_to_the_ends() -> None:

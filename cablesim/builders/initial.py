@@ -6,11 +6,11 @@ Depends on: review, case, motion, recording, saved_state, scene.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from cablesim import motion as motions
 from cablesim import recording, scene
 from cablesim.builders.review import STRAIN_LIMIT, Review, Stop
 from cablesim.case import models
@@ -19,6 +19,7 @@ from cablesim.saved_state import SavedStateError, read_saved_state
 from cablesim.scene import Vector
 
 _STRAIGHT = 1e-6  # slack over length that still counts as taut
+_SPEED = 1e-3  # part of its speed by which a start may miss that of a held end
 _SPAN = 1e-3  # part of the length by which markers may miss the ends of the cable
 _OFF_END = 0.05  # part of the length by which a marker may miss the end it stands for
 
@@ -35,18 +36,75 @@ def build_initial(
         return _saved_state(review, given, ends)
     if isinstance(given, models.MarkersStart):
         arc, positions = _markers(review, given)
-        return _marker_shape(review, arc, positions, ends)
-    if cable is None or ends is None or attachments is None:
+        shape: scene.GivenShape = _marker_shape(review, arc, positions, ends)
+    elif cable is None or ends is None or attachments is None:
         raise Stop  # refused already; what follows needs them
-    held = [end.motion for end in ends if end.motion is not None]
-    if isinstance(given, models.TautStart):
-        return _taut(review, given, ends)
-    if isinstance(given, models.CatenaryStart):
-        return _catenary(review, cable, held)
-    if not held:
-        _check_drifting(review, given, cable, attachments[0])
-    guess = None if given.through is None else np.array(given.through)
-    return scene.EquilibriumShape(guess=guess)
+    elif isinstance(given, models.TautStart):
+        shape = _taut(review, given, ends)
+    elif isinstance(given, models.CatenaryStart):
+        shape = _catenary(review, cable, ends)
+    else:
+        shape = _equilibrium(review, given, cable, ends, attachments[0])
+    return replace(shape, velocity=_velocity(review, given, ends))
+
+
+def _equilibrium(
+    review: Review,
+    given: models.EquilibriumStart,
+    cable: scene.Cable,
+    ends: tuple[scene.End, scene.End],
+    bodies: Sequence[scene.Attachment],
+) -> scene.EquilibriumShape:
+    if all(end.motion is None for end in ends):
+        _check_drifting(review, given, cable, bodies)
+    return scene.EquilibriumShape(guess=None if given.through is None else np.array(given.through))
+
+
+# How it moves ------------------------------------------------------------------------------------
+
+
+def _velocity(
+    review: Review, given: models.MovingStart, ends: tuple[scene.End, scene.End] | None
+) -> scene.StartVelocity | None:
+    """The velocity that the case gives, as its held ends have it too."""
+    if given.velocity is None and given.velocities is None:
+        return None
+    rows = np.array([[0.0, *given.velocity]] if given.velocity is not None else given.velocities)
+    where: Location = ("initial", "velocity" if given.velocity is not None else "velocities")
+    arc, length = rows[:, 0], review.start_length
+    falls = np.flatnonzero(np.diff(arc) <= 0)
+    if falls.size:
+        raise review.refuse(
+            (*where, int(falls[0]) + 1, 0),
+            f"does not lie beyond the row above it, {arc[falls[0]]:g} m",
+            "Sort the rows from A to B and leave out repeated ones.",
+        )
+    beyond = np.flatnonzero((arc < 0) | (arc > length * (1 + _STRAIGHT)))
+    if beyond.size:
+        raise review.refuse(
+            (*where, int(beyond[0]), 0),
+            f"is not on the cable, which goes from 0 to {length:g} m",
+            f"Give a place on it, or correct `{review.length_key}`.",
+        )
+    velocity = scene.StartVelocity(arc=arc, velocities=rows[:, 1:])
+    for name, end, there in zip("ab", ends or (), velocity.at(np.array([0.0, length])), strict=False):
+        if end.motion is not None:
+            _check_velocity_of_end(review, where, name, there, end.motion.velocity(0.0))
+    return velocity
+
+
+def _check_velocity_of_end(review: Review, where: Location, name: str, given: Vector, moved: Vector) -> None:
+    """Refuse a velocity that a held end contradicts by more than the digits of a case."""
+    if np.linalg.norm(given - moved) > _SPEED * max(np.linalg.norm(given), np.linalg.norm(moved)):
+        raise review.refuse(
+            where,
+            f"moves end {name.upper()} with {np.round(given, 4).tolist()} m/s, but ends.{name} moves it with "
+            f"{np.round(moved, 4).tolist()} m/s at t = 0",
+            f"Let ends.{name} start with that velocity, free it, or give `velocities` that agree with it.",
+        )
+
+
+# Shapes -------------------------------------------------------------------------------------------
 
 
 def _saved_state(
@@ -102,28 +160,12 @@ def _check_drifting(
         )
 
 
-def _taut(
-    review: Review, given: models.TautStart, ends: tuple[scene.End, scene.End]
-) -> scene.TautShape | scene.MarkerShape:
-    length = review.start_length
+def _taut(review: Review, given: models.TautStart, ends: tuple[scene.End, scene.End]) -> scene.TautShape:
     direction = None if given.direction is None else review.unit(given.direction, ("initial", "direction"))
     motion_a, motion_b = ends[0].motion, ends[1].motion
     if motion_a is not None and motion_b is not None:
-        chord = motion_b.position(0.0) - motion_a.position(0.0)
-        distance = float(np.linalg.norm(chord))
-        if distance < length * (1 - _STRAIGHT):
-            raise review.refuse(
-                ("initial", "shape"),
-                f"the ends are {distance:.6g} m apart and the cable is {length:g} m long: it hangs slack",
-                "Use `catenary` or `equilibrium`, or move the ends apart.",
-            )
-        if direction is not None and np.linalg.norm(direction - chord / distance) > 0.01:
-            raise review.refuse(
-                ("initial", "direction"),
-                "is not the direction between the two prescribed ends",
-                f"Leave it out; it is {np.round(chord / distance, 4).tolist()}.",
-            )
-        return scene.TautShape()
+        _check_taut_span(review, given, direction, motion_b.position(0.0) - motion_a.position(0.0))
+        return scene.TautShape(stretched=given.stretched)
     if direction is None:
         raise review.refuse(
             ("initial",),
@@ -131,13 +173,37 @@ def _taut(
             "Add `direction`, from A to B, for instance [0, 0, -1].",
             None,
         )
-    if motion_a is None and motion_b is None:
-        return _taut_between_free_ends(review, direction)
-    return scene.TautShape(direction=direction)
+    places = _places_of_free_ends(review, direction) if motion_a is None and motion_b is None else None
+    return scene.TautShape(direction=direction, places=places, stretched=given.stretched)
 
 
-def _taut_between_free_ends(review: Review, direction: Vector) -> scene.MarkerShape:
-    """Place a straight cable that nothing holds where one of its free ends says."""
+def _check_taut_span(
+    review: Review, given: models.TautStart, direction: Vector | None, chord: Vector
+) -> None:
+    """Refuse a straight cable that does not fit between its two held ends."""
+    length, distance = review.start_length, float(np.linalg.norm(chord))
+    if distance < length * (1 - _STRAIGHT):
+        raise review.refuse(
+            ("initial", "shape"),
+            f"the ends are {distance:.6g} m apart and the cable is {length:g} m long: it hangs slack",
+            "Use `catenary` or `equilibrium`, or move the ends apart.",
+        )
+    if not given.stretched and distance > length * (1 + _STRAIGHT):
+        raise review.refuse(
+            ("initial", "stretched"),
+            f"the ends are {distance:.7g} m apart and the cable is {length:g} m long: it is stretched",
+            f"Leave it out, bring the ends together, or give a {review.length_key} of {distance:.9g} m.",
+        )
+    if direction is not None and np.linalg.norm(direction - chord / distance) > 0.01:
+        raise review.refuse(
+            ("initial", "direction"),
+            "is not the direction between the two prescribed ends",
+            f"Leave it out; it is {np.round(chord / distance, 4).tolist()}.",
+        )
+
+
+def _places_of_free_ends(review: Review, direction: Vector) -> Vector:
+    """Places (2, 3) of the ends of a straight cable that nothing holds, as one of them says."""
     length = review.start_length
     free_a, free_b = (getattr(end, "position", None) for end in (review.case.ends.a, review.case.ends.b))
     if free_a is None and free_b is None:
@@ -148,20 +214,20 @@ def _taut_between_free_ends(review: Review, direction: Vector) -> scene.MarkerSh
             None,
         )
     if free_a is None:
-        positions = np.array([np.array(free_b) - length * direction, free_b])
-    else:
-        positions = np.array([free_a, np.array(free_a) + length * direction])
-        if free_b is not None and np.linalg.norm(positions[1] - free_b) > _STRAIGHT * length:
-            raise review.refuse(
-                ("ends", "b", "position"),
-                "is not where a straight cable from end A ends",
-                f"Leave it out; it is {np.round(positions[1], 6).tolist()}.",
-            )
-    return scene.MarkerShape(arc=np.array([0.0, length]), positions=positions)
+        return np.array([np.array(free_b) - length * direction, free_b])
+    places = np.array([free_a, np.array(free_a) + length * direction])
+    if free_b is not None and np.linalg.norm(places[1] - free_b) > _STRAIGHT * length:
+        raise review.refuse(
+            ("ends", "b", "position"),
+            "is not where a straight cable from end A ends",
+            f"Leave it out; it is {np.round(places[1], 6).tolist()}.",
+        )
+    return places
 
 
-def _catenary(review: Review, cable: scene.Cable, held: list[motions.Motion]) -> scene.CatenaryShape:
+def _catenary(review: Review, cable: scene.Cable, ends: tuple[scene.End, scene.End]) -> scene.CatenaryShape:
     where: Location = ("initial", "shape")
+    held = [end.motion for end in ends if end.motion is not None]
     if len(held) < 2:
         raise review.refuse(
             where, "hangs between two prescribed ends, one is free", "Use `taut` with a `direction`."

@@ -26,6 +26,7 @@ from cablesim.case.models.initial import CatenaryStart as CatenaryStart
 from cablesim.case.models.initial import EquilibriumStart as EquilibriumStart
 from cablesim.case.models.initial import Initial as Initial
 from cablesim.case.models.initial import MarkersStart as MarkersStart
+from cablesim.case.models.initial import MovingStart as MovingStart
 from cablesim.case.models.initial import StateStart as StateStart
 from cablesim.case.models.initial import TautStart as TautStart
 from cablesim.case.models.measured import Cell as Cell

@@ -12,10 +12,31 @@ from pydantic_core import PydanticCustomError
 
 from cablesim.case.models.measured import Cell, MeasuredOrigin
 from cablesim.case.models.part import Part, one_of
-from cablesim.case.quantities import Direction, Length, Point, Time
+from cablesim.case.quantities import Direction, Length, Point, Speed, Time, Velocity
 
 
-class EquilibriumStart(Part):
+class MovingStart(Part):
+    """What all shapes of which the case may say how they move have in common."""
+
+    velocity: Velocity | None = Field(
+        default=None,
+        description="velocity of the whole cable at the start [m/s]; default: at rest between its ends, or "
+        "linear from the velocity of one held end to that of the other",
+    )
+    velocities: tuple[tuple[Length, Speed, Speed, Speed], ...] | None = Field(
+        default=None,
+        min_length=1,
+        description="the same along the cable: rows [s, vx, vy, vz] in m and m/s, s increasing from end A, "
+        "linear in between, end values beyond",
+    )
+
+    @model_validator(mode="after")
+    def _one_velocity(self) -> MovingStart:
+        one_of(self, "velocity", "velocities", at_least=0)
+        return self
+
+
+class EquilibriumStart(MovingStart):
     """Start from the rest shape of the scene."""
 
     shape: Literal["equilibrium"] = Field(default="equilibrium", description="rest shape of the scene")
@@ -24,16 +45,20 @@ class EquilibriumStart(Part):
     )
 
 
-class TautStart(Part):
+class TautStart(MovingStart):
     """Start from a straight cable."""
 
     shape: Literal["taut"] = Field(description="straight cable")
     direction: Direction | None = Field(
         default=None, description="from A to B; needed only when an end is free"
     )
+    stretched: bool = Field(
+        default=True,
+        description="with the tension that ends, loads and motion ask for; false: unstretched, with none",
+    )
 
 
-class CatenaryStart(Part):
+class CatenaryStart(MovingStart):
     """Start from the elastic catenary between the two ends."""
 
     shape: Literal["catenary"] = Field(
@@ -41,7 +66,7 @@ class CatenaryStart(Part):
     )
 
 
-class MarkersStart(Part):
+class MarkersStart(MovingStart):
     """Start from a shape through measured markers, typed in or read from a file."""
 
     shape: Literal["markers"] = Field(description="shape through measured markers")
