@@ -26,7 +26,7 @@ from cablesim.control.deadline import OutOfTime
 from cablesim.control.loop import ControllerRunError, ControlLoop
 from cablesim.control.measurement import Places
 from cablesim.driving import Driven, Orders
-from cablesim.integrate import IdaIntegrator, Outcome
+from cablesim.integrate import Advance, IdaIntegrator
 from cablesim.integrate.ida import IdaOptions
 from cablesim.integrate.protocol import Counters
 from cablesim.mesh import Mesh, build_mesh
@@ -483,7 +483,7 @@ class Simulation:
         if self._loop is not None:
             target = min(target, self._loop.next_sample)
         outcome, self._time, self._y, self._yp = self._integrator.advance(target, self._limit)
-        return self._wind() if outcome is Outcome.EVENT else Status.of(outcome)
+        return self._wind() if outcome is Advance.EVENT else Status.of(outcome)
 
     def _restart_at(self, t: float) -> None:
         """Begin anew where the velocity of an input jumps."""

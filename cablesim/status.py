@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from cablesim.integrate.protocol import Outcome
+from cablesim.integrate.protocol import Advance
 
 
 class Status(StrEnum):
@@ -26,9 +26,9 @@ class Status(StrEnum):
     TIME_LIMIT = "time limit"
 
     @classmethod
-    def of(cls, outcome: Outcome) -> Status:
+    def of(cls, outcome: Advance) -> Status:
         """What the outcome of an advance without an event means for the run."""
-        return cls.COMPLETED if outcome is Outcome.REACHED else cls[outcome.name]
+        return cls.COMPLETED if outcome is Advance.REACHED else cls[outcome.name]
 
     @property
     def sentence(self) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from cablesim import control, recording, scene
 from cablesim import motion as motions
 from cablesim.builders.review import STATES_LIMIT, Review, Stop
 from cablesim.case import models
-from cablesim.case.errors import Location, suggestion
+from cablesim.case.errors import CaseError, Location, Problem, suggestion
 from cablesim.scene import Vector
 
 _WHERE: Location = ("winch", "payout")
@@ -293,9 +294,20 @@ def _constant_length(review: Review, given: models.ConstantLengthPayout, winch: 
 
 
 def _function(review: Review, given: models.FunctionPayout) -> Any:
-    make = partial(control.user_controller, given.function, review.directory.resolve(), given.options)
+    """What makes a user's controller when the case is run; here its code is only read."""
+    where, directory = (*_WHERE, "function"), review.directory.resolve()
     try:
-        make()
+        control.check_source(given.function, directory, given.options)
     except control.ControllerLoadError as error:
-        raise review.refuse((*_WHERE, "function"), error.message, error.remedy) from error
-    return make
+        raise review.refuse(where, error.message, error.remedy) from error
+    place = review.case.problem(where, "", "")
+    return partial(_user_controller, given.function, directory, given.options, place)
+
+
+def _user_controller(
+    reference: str, directory: Path, options: dict[str, Any], place: Problem
+) -> control.Controller:
+    try:
+        return control.user_controller(reference, directory, options)
+    except control.ControllerLoadError as error:
+        raise CaseError([replace(place, message=error.message, remedy=error.remedy)]) from error

@@ -24,7 +24,8 @@ EXIT_CODES = (
 )
 
 app = typer.Typer(
-    help="Dynamics of tethers in water.",
+    help="Dynamics of tethers in water. A case file is trusted input: running it runs the controller that it "
+    "names.",
     epilog=EXIT_CODES,
     add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import copy
 import math
-import pickle
 from collections import deque
 from typing import Any
 
@@ -116,24 +115,29 @@ class ControlLoop:
 
     def __deepcopy__(self, memo: dict[int, Any]) -> ControlLoop:
         twin = ControlLoop(self._control, self._winch)
-        twin._continue(*copy.deepcopy(self._progress(), memo))
+        twin._controller, twin._measured, twin._samples = copy.deepcopy(
+            (self._controller, self._measured, self._samples), memo
+        )
         return twin
 
     def __reduce__(self) -> tuple[Any, ...]:
         # a controller from a file is of a module that only making one brings into a process
-        return _unpickled, (self._control, self._winch, pickle.dumps(self._progress()))
-
-    def _progress(self) -> tuple[Controller | None, deque[Measurement], int]:
-        return self._controller, self._measured, self._samples
-
-    def _continue(self, controller: Controller | None, measured: deque[Measurement], samples: int) -> None:
-        self._controller, self._measured, self._samples = controller, measured, samples
+        memory = getattr(self._controller, "__dict__", {})
+        return _unpickled, (self._control, self._winch, memory, self._measured, self._samples)
 
 
-def _unpickled(control: Control, winch: Winch, progress: bytes) -> ControlLoop:
+def _unpickled(
+    control: Control,
+    winch: Winch,
+    memory: dict[str, Any],
+    measured: deque[Measurement],
+    samples: int,
+) -> ControlLoop:
     loop = ControlLoop(control, winch)
-    control.make()
-    loop._continue(*pickle.loads(progress))
+    if memory:
+        loop._controller = control.make()
+        vars(loop._controller).update(memory)
+    loop._measured, loop._samples = measured, samples
     return loop
 
 

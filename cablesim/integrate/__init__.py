@@ -4,6 +4,6 @@ Depends on: nothing of ours.
 """
 
 from cablesim.integrate.ida import IdaIntegrator
-from cablesim.integrate.protocol import Equations, Integrator, Outcome
+from cablesim.integrate.protocol import Advance, Equations, Integrator
 
-__all__ = ["Equations", "IdaIntegrator", "Integrator", "Outcome"]
+__all__ = ["Advance", "Equations", "IdaIntegrator", "Integrator"]

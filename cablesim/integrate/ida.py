@@ -16,14 +16,14 @@ from sksundae._cy_ida import IDA
 from sksundae.ida import IDAJacTimes, IDAPrecond
 
 from cablesim.integrate.messages import silence
-from cablesim.integrate.protocol import Array, Counters, Equations, Events, Outcome
+from cablesim.integrate.protocol import Advance, Array, Counters, Equations, Events
 
 # IDA's return codes -> what they mean to the caller
 _OUTCOMES = {
-    -1: Outcome.STEP_LIMIT,
-    -2: Outcome.ERROR_TEST_FAILURES,
-    -3: Outcome.ERROR_TEST_FAILURES,
-    -4: Outcome.CONVERGENCE_FAILURE,
+    -1: Advance.STEP_LIMIT,
+    -2: Advance.ERROR_TEST_FAILURES,
+    -3: Advance.ERROR_TEST_FAILURES,
+    -4: Advance.CONVERGENCE_FAILURE,
 }
 
 _ROOT_RETURN = 2
@@ -132,29 +132,29 @@ class IdaIntegrator:
             silence(self._ida)
             self._silent = True
 
-    def advance(self, t: float, t_stop: float) -> tuple[Outcome, float, Array, Array]:
+    def advance(self, t: float, t_stop: float) -> tuple[Advance, float, Array, Array]:
         """Go to `t`, never evaluating beyond `t_stop`.
 
         A result that is not finite is never returned: the last good one is, with the outcome.
         """
-        outcome = Outcome.REACHED
+        outcome = Advance.REACHED
         try:
             result = self._ida.step(t, "normal", t_stop)
         except KeyboardInterrupt:
-            outcome = Outcome.INTERRUPTED
+            outcome = Advance.INTERRUPTED
         except _TimeLimit:
-            outcome = Outcome.TIME_LIMIT
+            outcome = Advance.TIME_LIMIT
         except _NotFinite:
-            outcome = Outcome.NOT_FINITE
+            outcome = Advance.NOT_FINITE
         else:
             if result.status < 0:
-                outcome = _OUTCOMES.get(result.status, Outcome.CONVERGENCE_FAILURE)
+                outcome = _OUTCOMES.get(result.status, Advance.CONVERGENCE_FAILURE)
             elif not math.isfinite(result.y.sum()):
-                outcome = Outcome.NOT_FINITE
+                outcome = Advance.NOT_FINITE
             else:
                 self._t, self._y, self._yp = result.t, result.y, result.yp
                 if result.status == _ROOT_RETURN:
-                    outcome = Outcome.EVENT
+                    outcome = Advance.EVENT
         return outcome, self._t, self._y, self._yp
 
     def _residual(self, t: float, y: Array, yp: Array, out: Array) -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-class Outcome(StrEnum):
+class Advance(StrEnum):
     """How an advance ended."""
 
     REACHED = "reached"
@@ -87,7 +87,7 @@ class Integrator(Protocol):
         """Begin at a consistent state (the order falls to 1)."""
         ...
 
-    def advance(self, t: float, t_stop: float) -> tuple[Outcome, float, Array, Array]:
+    def advance(self, t: float, t_stop: float) -> tuple[Advance, float, Array, Array]:
         """Go to `t`, never evaluating beyond `t_stop`; returns outcome, time reached, Y and Y'.
 
         The outcome is ``EVENT`` where an event function has fallen through nought on the way.

@@ -134,16 +134,18 @@ class ConstantLengthPayout(_Controlled):
 
 
 class FunctionPayout(_Controlled):
-    """A controller of the user's own: Python code that runs with all the rights of the user.
+    """A controller of the user's own: Python code that runs with all the rights of who runs the case.
 
     It is called with a `cablesim.control.Measurement` and returns a payout speed [m/s].  A class is
-    made anew for each run.
+    made anew for each run.  The code runs when the case is run; other commands only read it.
     """
 
     kind: Literal["function"] = Field(description="a Python function or class of your own")
     function: str = Field(
         min_length=1,
-        description="file.py:name, relative to the case file, or package.module:name",
+        description="file.py:name, relative to the case file, or package.module:name of a module below the "
+        "folder of the case or of an installed package that lists it under the entry points "
+        "cablesim.controllers",
     )
     options: dict[str, Any] = Field(
         default_factory=dict, description="keyword arguments for the function or class"
