@@ -38,14 +38,14 @@ def estimates(trajectory: xr.Dataset, errors: str | None = None) -> xr.Dataset:
 
     return xr.Dataset(
         {
-            "distance": of_time(sensors.true_distance(trajectory, BUOY_A, BUOY_B, times)),
+            "distance": of_time(sensors.truth.distance(trajectory, BUOY_A, BUOY_B, times)),
             "distance (9)": of_time(sensors.rigid_arm_distance(signals)),
             "distance, shape": of_time(sensors.shape_distance(shape)),
-            "curvature": of_time(sensors.true_curvature(trajectory, [MIDWAY], times)[:, 0]),
+            "curvature": of_time(sensors.truth.curvature(trajectory, [MIDWAY], times)[:, 0]),
             "curvature (11)": of_time(pairs[:, int(np.argmin(np.abs(pairs["s"].values - MIDWAY)))]),
             "curvature, shape": of_time(sensors.shape_curvature(shape, [MIDWAY])[:, 0]),
-            "tension, vehicle's side": of_time(sensors.true_tension(trajectory, BUOY_A, "a", times)),
-            "tension, winch's side": of_time(sensors.true_tension(trajectory, BUOY_B, "b", times)),
+            "tension, vehicle's side": of_time(sensors.truth.tension(trajectory, BUOY_A, "a", times)),
+            "tension, winch's side": of_time(sensors.truth.tension(trajectory, BUOY_B, "b", times)),
             "payout speed": of_time(np.interp(times, trajectory["time"], trajectory["payout_speed"])),
         },
         {"time": times},
@@ -57,7 +57,7 @@ def error_table(found: xr.Dataset) -> None:
     print(f"{'estimate':20s}{'RMS':>12s}{'largest':>12s}{'correlation':>13s}")
     for kind, unit in (("distance", "m"), ("curvature", "1/m")):
         for way in (f"{kind} ({'9' if kind == 'distance' else '11'})", f"{kind}, shape"):
-            error = sensors.errors_of(found[way], found[kind])
+            error = sensors.truth.errors_of(found[way], found[kind])
             together = np.corrcoef(found[way], found[kind])[0, 1]
             print(f"{way:20s}{error['rms']:8.4f} {unit:3s}{error['max']:8.4f} {unit:3s}{together:13.3f}")
 

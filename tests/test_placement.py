@@ -7,11 +7,10 @@ from v_system import V_REST, v_run
 
 from cablesim.sensors import (
     SensorError,
-    errors_of,
     estimate_shape,
     imu_signals,
     shape_distance,
-    true_distance,
+    truth,
 )
 from cablesim.sensors.placement import (
     EXACT,
@@ -35,8 +34,8 @@ def run():
 
 def test_errors_are_those_of_the_estimators(run):
     read = imu_signals(v_run(), rate=10.0)
-    truth = true_distance(v_run(), 1.0, 2.2, read.time)
-    expected = errors_of(shape_distance(estimate_shape(read)), truth)
+    exact = truth.distance(v_run(), 1.0, 2.2, read.time)
+    expected = truth.errors_of(shape_distance(estimate_shape(read)), exact)
     found = layout_errors(run, PAPER).sel(quantity="distance")
     assert float(found.sel(statistic="rms")) == pytest.approx(expected["rms"], rel=1e-6)
     assert float(found.sel(statistic="max")) == pytest.approx(expected["max"], rel=1e-6)

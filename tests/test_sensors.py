@@ -581,27 +581,6 @@ def test_logs_of_sensors_with_clocks_of_their_own(tmp_path):
     assert turn.magnitude().max() < 1e-4
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "holds no increasing time"),
-        ("time,orientation.w\n", "holds no increasing time"),
-        ("x\n1\n", "holds no increasing time"),
-        ("time\n2\n1\n", "holds no increasing time"),
-        ("time\nnoon\n", "must be numbers"),
-    ],
-)
-def test_logs_that_cannot_be_read(tmp_path, text, message):
-    (tmp_path / "log.csv").write_text(text)
-    with pytest.raises(SensorError, match=message):
-        read_imu_csv({"a": tmp_path / "log.csv"}, {"a": 1.0})
-
-
-def test_log_without_a_position(tmp_path):
-    with pytest.raises(SensorError, match="no position for 'a'"):
-        read_imu_csv({"a": tmp_path / "log.csv"}, {})
-
-
 # Refusals ---------------------------------------------------------------------------------------
 
 

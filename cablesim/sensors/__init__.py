@@ -1,8 +1,14 @@
 """Inertial sensors on the cable: what they read, what their readings tell, where to put them.
 
 Depends on: case, scene, export; works on the dataset of a run.
+
+`truth` has what estimates are compared with, `placement` what compares places of sensors.
 """
 
+from cablesim.sensors import truth as truth
+from cablesim.sensors.distance import rigid_arm_distance as rigid_arm_distance
+from cablesim.sensors.distance import weigh_tangents as weigh_tangents
+from cablesim.sensors.distance import weighted_distance as weighted_distance
 from cablesim.sensors.errors import BMX160 as BMX160
 from cablesim.sensors.errors import AxisErrors as AxisErrors
 from cablesim.sensors.errors import ImuErrors as ImuErrors
@@ -11,30 +17,19 @@ from cablesim.sensors.errors import add_errors as add_errors
 from cablesim.sensors.errors import calibrated as calibrated
 from cablesim.sensors.estimators import angle_curvature as angle_curvature
 from cablesim.sensors.estimators import pair_curvature as pair_curvature
-from cablesim.sensors.estimators import rigid_arm_distance as rigid_arm_distance
 from cablesim.sensors.estimators import tangent_angles as tangent_angles
 from cablesim.sensors.estimators import turning_angles as turning_angles
 from cablesim.sensors.estimators import vehicle_heading as vehicle_heading
-from cablesim.sensors.imu import EARTH_FIELD as EARTH_FIELD
-from cablesim.sensors.imu import imu_dataset as imu_dataset
 from cablesim.sensors.imu import imu_signals as imu_signals
-from cablesim.sensors.interpolation import SensorError as SensorError
 from cablesim.sensors.logs import export_imu_csv as export_imu_csv
 from cablesim.sensors.logs import read_imu_csv as read_imu_csv
-from cablesim.sensors.pull import PhaseRelation as PhaseRelation
+from cablesim.sensors.problems import SensorError as SensorError
+from cablesim.sensors.problems import SensorWarning as SensorWarning
 from cablesim.sensors.pull import fit_phase_relation as fit_phase_relation
 from cablesim.sensors.pull import outer_force as outer_force
 from cablesim.sensors.pull import phase_lag as phase_lag
-from cablesim.sensors.pull import world_accelerations as world_accelerations
 from cablesim.sensors.shape import estimate_shape as estimate_shape
+from cablesim.sensors.shape import opening_at_rest as opening_at_rest
 from cablesim.sensors.shape import shape_curvature as shape_curvature
 from cablesim.sensors.shape import shape_distance as shape_distance
 from cablesim.sensors.shape import tangents as tangents
-from cablesim.sensors.truth import agreement_of_sign as agreement_of_sign
-from cablesim.sensors.truth import errors_of as errors_of
-from cablesim.sensors.truth import true_curvature as true_curvature
-from cablesim.sensors.truth import true_distance as true_distance
-from cablesim.sensors.truth import true_outer_force as true_outer_force
-from cablesim.sensors.truth import true_places as true_places
-from cablesim.sensors.truth import true_tangents as true_tangents
-from cablesim.sensors.truth import true_tension as true_tension

@@ -1,14 +1,14 @@
 """What real inertial sensors do wrong, added to exact signals: seeded, and off unless asked for.
 
-Depends on: interpolation (for its exception), rotations; works on datasets of sensor signals.
+Depends on: problems, rotations; works on datasets of sensor signals.
 
 Each axis of each sensor reads
 
     quantised(clipped((1 + scale) (signal turned by the misalignment) + bias + walk + noise)).
 
-Constants (bias, scale, misalignment) are drawn once a run, evenly within plus or minus their limit.  White
-noise of one-sided density N has the standard deviation N sqrt(rate/2) in samples at `rate`: the sensor is
-taken to filter at half its rate.
+Constants (bias, scale, misalignment, tilt) are drawn once a run, evenly within plus or minus their limit.
+White noise of one-sided density N has the standard deviation N sqrt(rate/2) in samples at `rate`: the sensor
+is taken to filter at half its rate.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from cablesim.sensors.interpolation import SensorError
+from cablesim.sensors.problems import SensorError
 from cablesim.sensors.rotations import about, multiply, turn
 
 Array = NDArray[np.float64]
@@ -71,11 +71,14 @@ class OrientationErrors:
     ----------
     heading_drift : float
         Rate at which the heading runs away, up or down by chance [rad/s].
+    tilt : float
+        Largest constant error of the vertical, about each of the world's horizontal axes [rad].
     noise : float
         White noise of the rotation about each axis of the sensor, standard deviation [rad].
     """
 
     heading_drift: float = 0.0
+    tilt: float = 0.0
     noise: float = 0.0
 
 
@@ -119,6 +122,7 @@ BMX160 = ImuErrors(
     ),
     orientation=OrientationErrors(
         heading_drift=0.01 * _DEGREE,  # the paper, Section V-A
+        tilt=0.5 * _DEGREE,  # assumed: 9 mg of the accelerometer's offset are left in what tells the vertical
         noise=0.1 * _DEGREE,  # assumed
     ),
     name="bmx160",
@@ -130,7 +134,7 @@ PRESETS = {"bmx160": BMX160}
 
 
 def calibrated(errors: ImuErrors, left: float = 0.1) -> ImuErrors:
-    """The same sensors after a calibration: a part of constant bias, scale and misalignment is left."""
+    """The same sensors after a calibration: a part of bias, scale, misalignment and tilt is left."""
 
     def better(part: AxisErrors) -> AxisErrors:
         return replace(
@@ -142,6 +146,7 @@ def calibrated(errors: ImuErrors, left: float = 0.1) -> ImuErrors:
         gyroscope=better(errors.gyroscope),
         accelerometer=better(errors.accelerometer),
         magnetometer=better(errors.magnetometer),
+        orientation=replace(errors.orientation, tilt=left * errors.orientation.tilt),
         name=f"{errors.name} calibrated to {left:g}",
     )
 
@@ -213,9 +218,12 @@ def read_axes(signal: Array, times: Array, errors: AxisErrors, random: np.random
 def _report_orientation(
     orientation: Array, times: Array, errors: OrientationErrors, random: np.random.Generator
 ) -> Array:
-    """Quaternions (q, m, 4) with a heading that drifts and a little noise."""
+    """Quaternions (q, m, 4) with a heading that drifts, a vertical that is off and a little noise."""
     shape = orientation.shape[:2]
     rates = errors.heading_drift * random.choice([-1.0, 1.0], shape[1])
     drift = about(2, (times - times[0])[:, None] * rates)
     noise = turn(np.array(errors.noise * random.standard_normal((3, *shape))))
-    return np.moveaxis(multiply(multiply(drift, np.moveaxis(orientation, -1, 0)), noise), 0, -1)
+    horizontal = random.uniform(-errors.tilt, errors.tilt, (2, 1, shape[1]))
+    tilt = turn(np.concatenate((horizontal, np.zeros((1, 1, shape[1])))))
+    world = multiply(multiply(drift, tilt), np.moveaxis(orientation, -1, 0))
+    return np.moveaxis(multiply(world, noise), 0, -1)

@@ -1,6 +1,6 @@
-"""What the paper reads from the sensors: distance (9), curvature (10)-(11), turning angles.
+"""What the paper reads from the sensors: angles (8), curvature (10)-(11), turning angles.
 
-Depends on: shape, interpolation (for its exception), motion, case.
+Depends on: shape, problems, motion, case.
 
 All take datasets of sensor signals, simulated or logged, and return labelled arrays over time.
 """
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from cablesim.case import models as case_models
 from cablesim.motion import rov_heading
 from cablesim.sensors.imu import stored_case
-from cablesim.sensors.interpolation import SensorError
+from cablesim.sensors.problems import SensorError, ordered_places
 from cablesim.sensors.shape import tangents
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ def tangent_angles(signals: xr.Dataset) -> xr.Dataset:
     """Angles theta and phi of equation (8) at the sensors [rad], phi unwrapped in time."""
     t = tangents(signals)
     x, y, z = np.moveaxis(t.values, -1, 0)
-    values = {"theta": -np.arcsin(np.clip(y, -1.0, 1.0)), "phi": np.unwrap(np.arctan2(-z, x), axis=0)}
+    values = {"theta": -np.arcsin(np.clip(y, -1.0, 1.0)), "phi": _unwrap(np.arctan2(-z, x), 0)}
     return xr.Dataset(
         {
             name: (("time", "imu"), angle, {"units": "rad", "long_name": f"angle {name} of equation (8)"})
@@ -37,39 +37,6 @@ def tangent_angles(signals: xr.Dataset) -> xr.Dataset:
         },
         {name: signals[name] for name in ("time", "imu", "s")},
     )
-
-
-def rigid_arm_distance(
-    signals: xr.Dataset, first: str = "imu_2", second: str = "imu_4", arms: tuple[float, float] = (0.6, 0.6)
-) -> xr.DataArray:
-    """Distance between the buoys (9), d = |l1 t_2 + l2 t_4|: the arms to the ballast taken as straight.
-
-    Parameters
-    ----------
-    signals : Dataset
-        Of `imu_signals` or `read_imu_csv`.
-    first, second : str
-        Sensors on the two arms; default: the paper's.
-    arms : tuple of two floats
-        Lengths of the arms [m].
-
-    Returns
-    -------
-    DataArray
-        ``time`` [m].
-    """
-    t = tangents(signals)
-    distance = np.linalg.norm(arms[0] * _of_sensor(t, first) + arms[1] * _of_sensor(t, second), axis=-1)
-    attributes = {"units": "m", "long_name": "distance of the buoys, equation (9)"}
-    return xr.DataArray(distance, {"time": signals["time"]}, ("time",), attrs=attributes)
-
-
-def _of_sensor(values: xr.DataArray, name: str) -> Array:
-    """Vectors (q, 3) of one sensor."""
-    names = [str(known) for known in values["imu"].values]
-    if name not in names:
-        raise SensorError(f"There is no sensor {name!r}: there are {', '.join(names)}.")
-    return values.values[:, names.index(name)]
 
 
 def pair_curvature(signals: xr.Dataset) -> xr.Dataset:
@@ -85,7 +52,7 @@ def pair_curvature(signals: xr.Dataset) -> xr.Dataset:
         ``s`` midway [m].
     """
     angles = tangent_angles(signals)
-    order, s = _order(signals)
+    order, s = ordered_places(signals["s"].values)
     theta, phi = (angles[name].transpose("time", "imu").values[:, order] for name in ("theta", "phi"))
     gap = np.diff(s)
     turn = (np.diff(phi, axis=1) + np.pi) % (2.0 * np.pi) - np.pi
@@ -108,25 +75,15 @@ def angle_curvature(signals: xr.Dataset) -> xr.DataArray:
     DataArray
         ``time, pair``, with the coordinate ``s`` midway [m].
     """
-    order, s = _order(signals)
+    order, s = ordered_places(signals["s"].values)
     t = tangents(signals).values[:, order]
     sine = np.linalg.norm(np.cross(t[:, :-1], t[:, 1:]), axis=-1)
     angle = np.arctan2(sine, np.einsum("tmc,tmc->tm", t[:, :-1], t[:, 1:]))
     return _of_pairs(signals, angle / np.diff(s), "curvature from the angle of tangents")
 
 
-def _order(signals: xr.Dataset) -> tuple[NDArray[np.int64], Array]:
-    s = signals["s"].values
-    order = np.argsort(s)
-    if s.size < 2 or (np.diff(s[order]) <= 0.0).any():
-        raise SensorError(
-            f"The sensors are at s = {s.tolist()} m: give two or more, each at a place of its own."
-        )
-    return order, s[order]
-
-
 def _of_pairs(signals: xr.Dataset, values: Array, meaning: str) -> xr.DataArray:
-    order, s = _order(signals)
+    order, s = ordered_places(signals["s"].values)
     names = signals["imu"].values[order]
     pairs = [f"{a}-{b}" for a, b in pairwise(names)]
     coordinates = {"time": signals["time"], "pair": pairs, "s": ("pair", 0.5 * (s[1:] + s[:-1]))}

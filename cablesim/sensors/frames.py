@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from cablesim.sensors.interpolation import Nodes, PointMotion, Samples, SensorError, cubic, quintic
+from cablesim.sensors.interpolation import Nodes, PointMotion, Samples, cubic, quintic
+from cablesim.sensors.problems import SensorError
 from cablesim.sensors.rotations import about, cross, direction, dot, multiply, smallest, triple
 
 Array = NDArray[np.float64]

@@ -21,14 +21,8 @@ from cablesim.case import models as case_models
 from cablesim.scene import Imu
 from cablesim.sensors.errors import ImuErrors, add_errors
 from cablesim.sensors.frames import paper_frame, transported_frame
-from cablesim.sensors.interpolation import (
-    SensorError,
-    cubic_rate,
-    follow_points,
-    locate,
-    read_nodes,
-    sample_times,
-)
+from cablesim.sensors.interpolation import cubic_rate, follow_points, locate, read_nodes, sample_times
+from cablesim.sensors.problems import SensorError
 from cablesim.sensors.rotations import multiply, rotate_back
 
 Array = NDArray[np.float64]

@@ -1,6 +1,6 @@
 """Motion of any material point between the nodes and between the stored times of a run.
 
-Depends on: rotations, export (for a message); works on the dataset of a run.
+Depends on: problems, rotations, export (for a message); works on the dataset of a run.
 
 Along s, cubic Hermite polynomials through the nodes whose slopes come from parabolas (Catmull and Rom
 on uneven nodes): once continuously differentiable, position to third and tangent to second order in the
@@ -27,15 +27,12 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from cablesim.export import missing_variable
+from cablesim.sensors.problems import SensorError
 from cablesim.sensors.rotations import direction, dot
 
 Array = NDArray[np.float64]
 
 _SAME_TIME = 1e-9  # between an event and a stored time that coincide [s]
-
-
-class SensorError(ValueError):
-    """Sensor signals cannot be made or used; the message says what is wrong and what to do."""
 
 
 @dataclass(frozen=True, eq=False)

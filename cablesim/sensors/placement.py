@@ -4,10 +4,14 @@ Depends on: case, plot (for its exception), and all other modules of this packag
 
 A run is prepared once, with exact virtual sensors at all candidate places; a layout picks some of them, then
 errors are added to those it picked, so that no place owes its success to a lucky sensor.
+
+Estimators that are given the very numbers with which a run was made are judged too well: simulate a plant
+that differs (stiffness, buoyancy, places, mesh) and say with `case` what the estimators believe.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -19,19 +23,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from cablesim.case import Case
 from cablesim.plot import PlotError
+from cablesim.sensors import truth as true
+from cablesim.sensors.distance import rigid_arm_distance, weigh_tangents, weighted_distance
 from cablesim.sensors.errors import BMX160, ImuErrors, add_errors, calibrated
-from cablesim.sensors.estimators import pair_curvature, rigid_arm_distance, turning_angles
+from cablesim.sensors.estimators import pair_curvature, turning_angles
 from cablesim.sensors.imu import imu_signals, stored_case
-from cablesim.sensors.interpolation import SensorError
+from cablesim.sensors.problems import SensorError, SensorWarning
 from cablesim.sensors.pull import outer_force
-from cablesim.sensors.shape import case_bodies, estimate_shape, shape_curvature, shape_distance
-from cablesim.sensors.truth import (
-    agreement_of_sign,
-    errors_of,
-    true_curvature,
-    true_distance,
-    true_outer_force,
-    true_places,
+from cablesim.sensors.shape import (
+    case_bodies,
+    estimate_shape,
+    opening_at_rest,
+    shape_curvature,
+    shape_distance,
 )
 
 if TYPE_CHECKING:
@@ -41,7 +45,11 @@ Array = NDArray[np.float64]
 
 QUANTITIES = {
     "distance": ("m", "distance of the buoys, from the shape"),
+    "distance at rest": ("m", "the same, its offset taken once at rest"),
     "straight arms": ("m", "distance of the buoys by equation (9)"),
+    "straight arms at rest": ("m", "the same, its offset taken once at rest"),
+    "weights": ("m", "distance of the buoys from weights of all tangents, calibrated on another run"),
+    "weights at rest": ("m", "the same, its offset taken once at rest"),
     "curvature": ("m-1", "curvature at the ballast, from the shape"),
     "neighbours": ("m-1", "curvature at the ballast by equation (11)"),
     "turning": ("rad", "horizontal direction of the line between the buoys"),
@@ -81,12 +89,25 @@ KINDS = {"exact": EXACT, "BMX160": Sensors(BMX160, 10.0), "calibrated": Sensors(
 
 @dataclass(frozen=True)
 class Scales:
-    """Errors that count the same when a layout is judged; a quantity without a scale does not count."""
+    """Errors that count the same when a layout is judged; a quantity without a scale does not count.
+
+    The distance is that with its offset taken at rest.
+    """
 
     distance: float = 0.01
     curvature: float = 1.0
     turning: float = np.radians(2.0)
     pull: float = 0.01
+
+    @property
+    def of_quantities(self) -> dict[str, float]:
+        """Quantity that counts -> its scale."""
+        return {
+            "distance at rest": self.distance,
+            "curvature": self.curvature,
+            "turning": self.turning,
+            "pull": self.pull,
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,13 +119,15 @@ class StudyRun:
     name : str
         Of the case.
     case : Case
-        What was simulated.
+        What the estimators believe of the cable and its bodies.
     signals : Dataset
         Of exact sensors at the candidate places.
     truth : mapping of quantity to ndarray, shape (q,)
         True values at the times of the signals.
     rest : float
         Seconds of rest before the run, which the signals begin with but the errors do not count.
+    still : bool
+        Whether the run starts from rest.
     """
 
     name: str
@@ -112,6 +135,7 @@ class StudyRun:
     signals: xr.Dataset
     truth: Mapping[str, Array]
     rest: float
+    still: bool
 
     @property
     def places(self) -> Array:
@@ -136,7 +160,12 @@ class Layout:
 
 
 def prepare_run(
-    dataset: xr.Dataset, *, step: float = 0.02, rate: float = 20.0, rest: float = 10.0
+    dataset: xr.Dataset,
+    *,
+    case: Case | None = None,
+    step: float = 0.02,
+    rate: float = 20.0,
+    rest: float = 10.0,
 ) -> StudyRun:
     """Put sensors at all candidate places of a run, from its first to its last body.
 
@@ -144,6 +173,8 @@ def prepare_run(
     ----------
     dataset : Dataset
         Result of a run whose case has two buoys and a ballast between them, or more bodies.
+    case : Case, optional
+        What the estimators believe; default: what was simulated, which judges them too well.
     step : float
         Distance of candidate places [m]; bodies are always among them.
     rate : float
@@ -154,33 +185,39 @@ def prepare_run(
     Raises
     ------
     SensorError
-        If the result holds no case, or its case has fewer than three bodies.
+        If the result holds no case, or one of the cases has fewer than three bodies.
     """
     text = dataset.attrs.get("case")
     if not text:
         raise SensorError("The result holds no case, which says where the buoys are: run it with cablesim.")
-    case = stored_case(text)
+    plant = stored_case(text)
+    believed = plant if case is None else case
+    places = _candidates(_three_bodies(believed), step)
+    signals = imu_signals(dataset, {f"{s:.4f}": s for s in places}, rate=rate)
+    signals.attrs["case"] = text if case is None else believed.to_yaml()
+    times = signals["time"].values
+    bodies = _three_bodies(plant)
+    first, ballast, last = bodies[0], _ballast(plant), bodies[-1]
+    line = true.places(dataset, [first, last], times).diff("point").isel(point=0)
+    still = float(np.abs(dataset["velocity"].isel(time=0)).max()) < _STILL
+    truth = {
+        "distance": true.distance(dataset, first, last, times).values,
+        "curvature": true.curvature(dataset, [ballast], times).values[:, 0],
+        "turning": turning_angles(line, 0.0).values,
+        "pull": true.pull(dataset, first, last, times).values,
+    }
+    before = rest if still else 0.0
+    return StudyRun(plant.name, believed, _after_rest(signals, before), truth, before, still)
+
+
+def _three_bodies(case: Case) -> Array:
+    """Places of the bodies of a case, three or more [m]."""
     bodies = np.array([body.at for body in case_bodies(case)])
     if bodies.size < 3:
         raise SensorError(
             f"The case {case.name} has {bodies.size} bodies: two buoys and a ballast are needed."
         )
-    places = _candidates(bodies, step)
-    signals = imu_signals(dataset, {f"{s:.4f}": s for s in places}, rate=rate)
-    times = signals["time"].values
-    first, ballast, last = bodies[0], _ballast(case), bodies[-1]
-    ends = true_places(dataset, [first, last], times)
-    line = ends[:, 1] - ends[:, 0]
-    force = true_outer_force(dataset, first, last, times)
-    still = float(np.abs(dataset["velocity"].isel(time=0)).max()) < _STILL
-    truth = {
-        "distance": true_distance(dataset, first, last, times),
-        "curvature": true_curvature(dataset, [ballast], times)[:, 0],
-        "turning": turning_angles(_labelled(line, signals), 0.0).values,
-        "pull": np.einsum("tc,tc->t", force, line) / np.linalg.norm(line, axis=-1),
-    }
-    before = rest if still else 0.0
-    return StudyRun(case.name, case, _after_rest(signals, before), truth, before)
+    return bodies
 
 
 def _candidates(bodies: Array, step: float) -> Array:
@@ -192,10 +229,6 @@ def _ballast(case: Case) -> float:
     """Place of the heaviest body in water between the first and the last [m]."""
     inner = case_bodies(case)[1:-1]
     return max(inner, key=lambda body: body.mass - case.water.density * body.volume).at
-
-
-def _labelled(line: Array, signals: xr.Dataset) -> xr.DataArray:
-    return xr.DataArray(line, {"time": signals["time"], "axis": ["x", "y", "z"]}, ("time", "axis"))
 
 
 def _after_rest(signals: xr.Dataset, rest: float) -> xr.Dataset:
@@ -215,6 +248,7 @@ def layout_errors(
     places: ArrayLike,
     sensors: Sensors = EXACT,
     seeds: Iterable[int] = (1, 2, 3),
+    calibration: StudyRun | None = None,
 ) -> xr.DataArray:
     """Errors of what a layout of sensors tells in a run.
 
@@ -228,18 +262,23 @@ def layout_errors(
         What they do wrong; with errors the accelerometers' offsets are found in the rest before the run.
     seeds : iterable of int
         Sets of errors that are averaged.
+    calibration : StudyRun, optional
+        Run with the same candidate places whose distance is known: exact sensors of the layout find their
+        weights there.
 
     Returns
     -------
     DataArray
         ``quantity, statistic`` (`QUANTITIES`; rms and max), each in the unit of the quantity.
     """
-    chosen = run.signals.isel(imu=_nearest(run.places, places))
+    index = _nearest(run.places, places)
+    chosen = run.signals.isel(imu=index)
+    weights = None if calibration is None else _calibrate(calibration, index)
     if sensors.errors is None:
-        found = [_errors(run, chosen, 0.0, sensors.memory)]
+        found = [_errors(run, chosen, 0.0, sensors.memory, weights)]
     else:
         reads = [add_errors(chosen, sensors.errors, seed) for seed in seeds]
-        found = [_errors(run, read, run.rest, sensors.memory) for read in reads]
+        found = [_errors(run, read, run.rest, sensors.memory, weights) for read in reads]
     coordinates = {"quantity": list(QUANTITIES), "statistic": list(STATISTICS)}
     return xr.DataArray(np.mean(found, axis=0), coordinates, ("quantity", "statistic"), name="error")
 
@@ -255,33 +294,78 @@ def _nearest(candidates: Array, places: ArrayLike) -> NDArray[np.int64]:
     return index
 
 
-def _errors(run: StudyRun, signals: xr.Dataset, rest: float, memory: float) -> Array:
+def _calibrate(run: StudyRun, index: NDArray[np.int64]) -> xr.DataArray:
+    moving = run.signals.isel(imu=index, time=_counted(run))
+    return weigh_tangents(moving, run.truth["distance"])
+
+
+def _counted(run: StudyRun) -> slice:
+    """Samples behind the rest before a run."""
+    return slice(run.signals.sizes["time"] - run.truth["distance"].size, None)
+
+
+def _errors(
+    run: StudyRun, signals: xr.Dataset, rest: float, memory: float, weights: xr.DataArray | None
+) -> Array:
     """RMS and largest errors (quantity, statistic); NaN where a layout cannot tell."""
     bodies = [body.at for body in case_bodies(run.case)]
     ballast = _ballast(run.case)
-    shape = estimate_shape(signals, bodies[0], bodies[-1])
-    force = outer_force(signals, run.case, shape=shape, rest=rest, memory=memory)
-    counted = slice(signals.sizes["time"] - run.truth["distance"].size, None)
-    signals, shape, force = (part.isel(time=counted) for part in (signals, shape, force))
-    turning = turning_angles(shape["position"].isel(point=-1), 0.0).values
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SensorWarning)  # what they warn of is what is measured here
+        shape = estimate_shape(signals, bodies[0], bodies[-1])
+        force = outer_force(signals, run.case, shape=shape, rest=rest, memory=memory)
+        opened = _opened_at_rest(run, signals, bodies[0], bodies[-1])
+    arms = _by_arms(signals, bodies[0], ballast, bodies[-1])
+    weighted = np.full(arms.shape, np.nan) if weights is None else weighted_distance(signals, weights).values
+    counted = _counted(run)
+    turning = turning_angles(shape["position"].isel(point=-1, time=counted), 0.0).values
     away = np.mod(turning - run.truth["turning"] + np.pi, 2.0 * np.pi) - np.pi
+    distance, curvature = run.truth["distance"], run.truth["curvature"]
     estimates = {
-        "distance": (shape_distance(shape).values, run.truth["distance"]),
-        "straight arms": (_by_arms(signals, bodies[0], ballast, bodies[-1]), run.truth["distance"]),
-        "curvature": (shape_curvature(shape, [ballast]).values[:, 0], run.truth["curvature"]),
-        "neighbours": (_by_neighbours(signals, ballast), run.truth["curvature"]),
+        "distance": (shape_distance(shape).values[counted], distance),
+        "distance at rest": (opened[counted], distance),
+        "straight arms": (arms[counted], distance),
+        "straight arms at rest": (_offset_at_rest(run, arms)[counted], distance),
+        "weights": (weighted[counted], distance),
+        "weights at rest": (_offset_at_rest(run, weighted)[counted], distance),
+        "curvature": (shape_curvature(shape, [ballast]).values[counted, 0], curvature),
+        "neighbours": (_by_neighbours(signals, ballast)[counted], curvature),
         "turning": (away, np.zeros_like(away)),
-        "pull": (force["pull"].values, run.truth["pull"]),
+        "pull": (force["pull"].values[counted], run.truth["pull"]),
     }
     rows = [_statistics(*pair) for pair in estimates.values()]
-    wrong = 1.0 - agreement_of_sign(force["pull"], run.truth["pull"], PULL_THRESHOLD)
+    wrong = 1.0 - true.agreement_of_sign(force["pull"].values[counted], run.truth["pull"], PULL_THRESHOLD)
     return np.array([*rows, [wrong, wrong]])
+
+
+def _at_rest(run: StudyRun) -> slice:
+    """Samples of the rest before a run and its first one."""
+    return slice(0, _counted(run).start + 1)
+
+
+def _offset_at_rest(run: StudyRun, distance: Array) -> Array:
+    """Distances (q,) moved by what they are off at rest; unknown where a run does not start there."""
+    if not run.still:
+        return np.full(distance.shape, np.nan)
+    return distance - distance[_at_rest(run)].mean() + run.truth["distance"][0]
+
+
+def _opened_at_rest(run: StudyRun, signals: xr.Dataset, first: float, last: float) -> Array:
+    """Distances (q,) of a shape that is opened at rest, as it is if that cannot mend it."""
+    if not run.still:
+        return np.full(signals.sizes["time"], np.nan)
+    resting = signals.isel(time=_at_rest(run))
+    try:
+        opening = opening_at_rest(resting, run.truth["distance"][0], first, last)
+    except SensorError:  # beyond what an offset may be
+        opening = 0.0
+    return shape_distance(estimate_shape(signals, first, last, opening=opening)).values
 
 
 def _statistics(estimate: Array, truth: Array) -> list[float]:
     if not np.isfinite(estimate - truth).any():
         return [np.nan] * len(STATISTICS)
-    found = errors_of(estimate, truth)
+    found = true.errors_of(estimate, truth)
     return [found[name] for name in STATISTICS]
 
 
@@ -307,6 +391,7 @@ def compare_layouts(
     runs: Sequence[StudyRun],
     layouts: Mapping[str, ArrayLike],
     kinds: Mapping[str, Sensors] = KINDS,
+    calibration: StudyRun | None = None,
 ) -> xr.DataArray:
     """Errors of several layouts of several kinds of sensors in several runs.
 
@@ -318,6 +403,8 @@ def compare_layouts(
         Material coordinates of the sensors of each [m].
     kinds : mapping of name to Sensors
         Kinds of sensors; default: `KINDS`.
+    calibration : StudyRun, optional
+        As in `layout_errors`.
 
     Returns
     -------
@@ -325,7 +412,10 @@ def compare_layouts(
         ``layout, run, sensors, quantity, statistic``, with the coordinate ``places`` of each layout (text).
     """
     values = [
-        [[layout_errors(run, places, kind) for kind in kinds.values()] for run in runs]
+        [
+            [layout_errors(run, places, kind, calibration=calibration) for kind in kinds.values()]
+            for run in runs
+        ]
         for places in layouts.values()
     ]
     coordinates = {
@@ -348,11 +438,10 @@ def _text(places: ArrayLike) -> str:
 
 
 def score(found: xr.DataArray, scales: Scales | None = None) -> float:
-    """RMS errors of `layout_errors` over their scales, their mean."""
-    limits = vars(Scales() if scales is None else scales)
-    return float(
-        np.mean([found.sel(quantity=name, statistic="rms") / limit for name, limit in limits.items()])
-    )
+    """RMS errors of `layout_errors` over their scales, their mean; NaN if one is not known."""
+    limits = (Scales() if scales is None else scales).of_quantities
+    rms = found.sel(statistic="rms")
+    return float(np.mean([rms.sel(quantity=name) / limit for name, limit in limits.items()]))
 
 
 def improve_layout(
@@ -385,7 +474,15 @@ def improve_layout(
     -------
     Layout
         The best one found; it depends on the start, so try a few.
+
+    Raises
+    ------
+    SensorError
+        If a run does not start from rest, or a symmetric search starts from a layout that is not.
     """
+    moving = [run.name for run in runs if not run.still]
+    if moving:
+        raise SensorError(f"The run {moving[0]} does not start from rest, where the distance is measured.")
     candidates, ballast = runs[0].places, _ballast(runs[0].case)
     known: dict[tuple[int, ...], float] = {}
 
@@ -393,11 +490,11 @@ def improve_layout(
         whole = _unfolded(free, ballast) if symmetric else free
         try:
             key = tuple(_nearest(candidates, whole).tolist())
-        except SensorError:  # two sensors have met
+            if key not in known:
+                found = [score(layout_errors(run, candidates[list(key)], sensors), scales) for run in runs]
+                known[key] = float(np.nan_to_num(np.mean(found), nan=np.inf))
+        except SensorError:  # two sensors have met, or an arm has none
             return np.inf
-        if key not in known:
-            found = [score(layout_errors(run, candidates[list(key)], sensors), scales) for run in runs]
-            known[key] = float(np.mean(found))
         return known[key]
 
     free = _folded(places, ballast) if symmetric else np.sort(np.asarray(places, dtype=float))
@@ -461,7 +558,7 @@ def plot_layouts(compared: xr.DataArray, layouts: Mapping[str, ArrayLike]) -> Fi
         from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
     except ImportError:
         raise PlotError("Drawing needs matplotlib: pip install 'cablesim[plot]'") from None
-    shown = ["distance", "curvature", "turning", "pull"]
+    shown = list(Scales().of_quantities)
     figure = Figure(figsize=(16, 1.5 + 0.4 * len(layouts)), dpi=100, layout="constrained")
     panels = figure.subplots(1, 1 + len(shown), sharey=True, width_ratios=[1.6] + [1.0] * len(shown))
     rows = np.arange(len(layouts))

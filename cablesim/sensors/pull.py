@@ -1,6 +1,6 @@
 """Who pulls on the V, vehicle or winch: from the distance of the buoys, or from the dynamics.
 
-Depends on: case, imu, interpolation (for its exception), rotations, shape.
+Depends on: case, imu, problems, rotations, shape.
 
 Two things are positive when the winch's side pulls more.  The paper's tension difference T_b - T_a is that
 of the tangential forces beyond the last body and before the first one; the paper relates it to the distance.
@@ -12,6 +12,7 @@ the other sign.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +23,7 @@ from scipy.signal import lfilter
 from cablesim.case import Case
 from cablesim.case import models as case_models
 from cablesim.sensors.imu import stored_case
-from cablesim.sensors.interpolation import SensorError
+from cablesim.sensors.problems import SensorError, SensorWarning, ordered_places
 from cablesim.sensors.rotations import rotate, rotate_back
 from cablesim.sensors.shape import case_bodies, estimate_shape
 
@@ -63,6 +64,8 @@ class PhaseRelation:
 def fit_phase_relation(distance: xr.DataArray, difference: ArrayLike, rest: float) -> PhaseRelation:
     """Fit the relation to runs whose tension difference is known, by least squares.
 
+    Times at which something is unknown are left out.
+
     Parameters
     ----------
     distance : DataArray
@@ -72,13 +75,20 @@ def fit_phase_relation(distance: xr.DataArray, difference: ArrayLike, rest: floa
     rest : float
         Distance at rest [m].
     """
-    columns = _distance_columns(distance, rest)
-    coefficients = np.linalg.lstsq(columns, np.asarray(difference, dtype=float), rcond=None)[0]
+    columns, wanted = _distance_columns(distance, rest), np.asarray(difference, dtype=float)
+    known = np.isfinite(columns).all(axis=1) & np.isfinite(wanted)
+    if known.sum() < columns.shape[1]:
+        raise SensorError(
+            f"Distance and difference are known together at {known.sum()} times: four are needed."
+        )
+    coefficients = np.linalg.lstsq(columns[known], wanted[known], rcond=None)[0]
     return PhaseRelation(rest, *map(float, coefficients))
 
 
 def phase_lag(first: xr.DataArray, second: ArrayLike, longest: float = 3.0) -> tuple[float, float]:
     """Time by which `second` follows `first` with the greatest correlation [s], and that correlation.
+
+    Times at which one of them is unknown are left out.
 
     Parameters
     ----------
@@ -95,14 +105,21 @@ def phase_lag(first: xr.DataArray, second: ArrayLike, longest: float = 3.0) -> t
     a, b = first.values, np.asarray(second, dtype=float)
     lags = range(-reach, reach + 1)
     found = [_correlation(a, b, lag) for lag in lags]
-    best = int(np.argmax(found))
+    if np.isnan(found).all():
+        raise SensorError("The two signals have no time in common at which both are known and change.")
+    best = int(np.nanargmax(found))
     return lags[best] * step, found[best]
 
 
 def _correlation(a: Array, b: Array, lag: int) -> float:
-    """Correlation of `a` with what `b` is `lag` samples later."""
+    """Correlation of `a` with what `b` is `lag` samples later; NaN where one of them does not change."""
     inside = slice(max(-lag, 0), a.size - max(lag, 0))
-    return float(np.corrcoef(a[inside], np.roll(b, -lag)[inside])[0, 1])
+    here, later = a[inside], np.roll(b, -lag)[inside]
+    known = np.isfinite(here) & np.isfinite(later)
+    here, later = here[known], later[known]
+    if here.size < 2 or np.ptp(here) == 0.0 or np.ptp(later) == 0.0:
+        return np.nan
+    return float(np.corrcoef(here, later)[0, 1])
 
 
 def _distance_columns(distance: xr.DataArray, rest: float) -> Array:
@@ -132,8 +149,13 @@ def world_accelerations(signals: xr.Dataset, gravity: float, rest: float = 0.0) 
     up = np.array([0.0, 0.0, gravity])[:, None, None]
     if rest > 0.0:
         still = times <= times[0] + rest
-        offset = force - rotate_back(quaternion, up)
-        force = force - offset[:, still].mean(axis=1, keepdims=True)
+        offset = (force - rotate_back(quaternion, up))[:, still]
+        known = np.isfinite(offset)
+        total = np.where(known, offset, 0.0).sum(axis=1, keepdims=True)
+        # a sensor that says nothing in the rest has an offset that is not known
+        force = force - np.where(known.any(axis=1, keepdims=True), total, np.nan) / np.maximum(
+            known.sum(axis=1, keepdims=True), 1
+        )
     return np.moveaxis(rotate(quaternion, force) - up, 0, -1)
 
 
@@ -145,13 +167,14 @@ def outer_force(
     rest: float = 0.0,
     memory: float = np.inf,
     vehicle_velocity: ArrayLike = (0.0, 0.0, 0.0),
+    current: ArrayLike | None = None,
 ) -> xr.Dataset:
     """Force of the cable outside on the part between the first and the last body: the balance of momentum.
 
         F = sum over bodies and cable between of (mass and added mass) a + weight in water + drag,
 
     with the accelerations of the sensors, linear along the cable between them (the paper's rigid portions),
-    and velocities integrated from them; water at rest.  F is N_b - N_a, the internal forces beside the two
+    and velocities integrated from them.  F is N_b - N_a, the internal forces beside the two
     bodies, shear included; its part along the line from the first to the last body is the pull.  (Solving
     F = T_b t_b - T_a t_a for two tensions was tried: they hang on the shear and on steep tangents.)
 
@@ -169,6 +192,9 @@ def outer_force(
         Velocities are drawn to that of the vehicle with this time constant, so that errors do not add up [s].
     vehicle_velocity : array_like, shape (3,) or (q, 3)
         Velocity of the vehicle in the world frame, as its own instruments tell it [m/s].
+    current : array_like, shape (3,) or (q, 3), optional
+        Velocity of the water at the bodies in the world frame [m/s]; default: the uniform current of the
+        case, else still water.
 
     Returns
     -------
@@ -178,7 +204,12 @@ def outer_force(
     Raises
     ------
     SensorError
-        If there is no case, or it has fewer than two bodies.
+        If there is no case, it has fewer than two bodies, or two sensors share a place.
+
+    Warns
+    -----
+    SensorWarning
+        If the current of the case depends on the place, which the sensors do not know, and none is given.
     """
     case = _case(signals) if case is None else case
     bodies = case_bodies(case)
@@ -191,6 +222,7 @@ def outer_force(
     at_sensors = world_accelerations(signals, case.gravity, rest)
     vehicle = np.broadcast_to(np.asarray(vehicle_velocity, dtype=float), at_sensors[:, 0].shape)
     velocity = _integrate(at_sensors + vehicle[:, None] / memory, signals["time"].values, memory)
+    velocity = velocity - np.broadcast_to(_water_velocity(case, current), vehicle.shape)[:, None]
     weights = _linear_weights(signals["s"].values, s)
     acceleration, velocity = (np.einsum("pm,tmc->tpc", weights, part) for part in (at_sensors, velocity))
     force = _cable_force(case, s, tangent, acceleration, velocity)
@@ -216,22 +248,55 @@ def _case(signals: xr.Dataset) -> Case:
     return stored_case(text)
 
 
+def _water_velocity(case: Case, given: ArrayLike | None) -> Array:
+    """Velocity of the water (3,) or (q, 3): what is given, else what the case says [m/s]."""
+    current = case.water.current
+    if given is not None:
+        return np.asarray(given, dtype=float)
+    if isinstance(current, case_models.UniformCurrent):
+        return np.asarray(current.velocity, dtype=float)
+    if current != "none":
+        warnings.warn(
+            f"The current of {case.name} depends on the place: still water is taken. Give `current`, the "
+            "velocity of the water at the bodies [m/s].",
+            SensorWarning,
+            stacklevel=3,
+        )
+    return np.zeros(3)
+
+
 def _integrate(acceleration: Array, times: Array, memory: float) -> Array:
-    """Integrals (q, m, 3) from nought, by the trapezoidal rule; what is older than `memory` fades."""
+    """Integrals (q, m, 3) from nought, by the trapezoidal rule; what is older than `memory` fades.
+
+    Gaps are bridged linearly and stay unknown: the integral goes on behind them.
+    """
+    unknown = ~np.isfinite(acceleration)
+    acceleration = _bridged(acceleration, times)
     step = float(np.median(np.diff(times))) if times.size > 1 else 0.0
     fade = 0.5 * step / memory
     gain, keep = 0.5 * step / (1.0 + fade), (1.0 - fade) / (1.0 + fade)
     velocity = lfilter([gain, gain], [1.0, -keep], acceleration, axis=0)
     start = gain * keep ** np.arange(times.size)  # of the first reading, before which nothing moved
-    return velocity - start[:, None, None] * acceleration[0]
+    velocity = velocity - start[:, None, None] * acceleration[0]
+    return np.where(unknown, np.nan, velocity)
+
+
+def _bridged(values: Array, times: Array) -> Array:
+    """Values (q, ...) with gaps filled linearly in time; a column without any value stays unknown."""
+    columns = values.reshape(times.size, -1).copy()
+    for column in columns.T:
+        known = np.isfinite(column)
+        if known.any() and not known.all():
+            column[~known] = np.interp(times[~known], times[known], column[known])
+    return columns.reshape(values.shape)
 
 
 def _linear_weights(sensors: Array, s: Array) -> Array:
     """Weights (p, m) of the sensors at places between them; beyond the outermost, theirs."""
-    order = np.argsort(sensors)
+    order, places = ordered_places(sensors)
     weights = np.empty((s.size, sensors.size))
     for row, index in enumerate(order):
-        weights[:, index] = np.interp(s, sensors[order], np.eye(sensors.size)[row])
+        weights[:, index] = np.interp(s, places, np.eye(sensors.size)[row])
     return weights
 
 

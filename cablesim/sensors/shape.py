@@ -1,6 +1,6 @@
 """Shape of the cable from the tangents that sensors on it report.
 
-Depends on: case, imu, interpolation, rotations.
+Depends on: case, imu, interpolation, problems, rotations.
 
 Between sensors the tangent follows the cable's statics.  A cable of bending stiffness EI under a tension N
 between point loads obeys EI d2t/ds2 = N (t - t_N) across the tangent: it leaves the direction t_N of the
@@ -9,30 +9,43 @@ coefficients are those that agree with the sensors, tangent and moment being con
 several sensors on one piece leave over is spread linearly between them.  An infinite length gives circular
 arcs.
 
+The length is that of a case, which is never quite that of the cable: sensors lean on their mountings, buoys
+are not where they should be.  Nearly all of what that does to the distance of the ends is constant, so one
+look at rest, where the distance can be measured, takes most of it out (`opening_at_rest`).
+
 Tangents are developed into the plane along the great circles between neighbouring sensors: exact for a plane
 curve, and free of singular directions.  The weights of the sensors are constant in time.
 """
 
 from __future__ import annotations
 
+import warnings
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
 
 from cablesim.case import Case
 from cablesim.case import models as case_models
 from cablesim.sensors.imu import AXES, stored_case
-from cablesim.sensors.interpolation import SensorError, linear_along
-from cablesim.sensors.rotations import rotate, rotate_back
+from cablesim.sensors.interpolation import linear_along
+from cablesim.sensors.problems import NEAREST, SensorError, SensorWarning, ordered_places
+from cablesim.sensors.rotations import rotate, rotate_back, turn
 
 Array = NDArray[np.float64]
 
 STEP = 0.01
 """Greatest distance of the places at which a shape is found [m]."""
 
+WIDEST = 0.6
+"""Largest angle by which one look at rest may turn the ends of a shape [rad]."""
+
+_EXTRAPOLATED = 0.2  # part of a shape beyond the outermost sensor from which on a warning is given
+# height of a ballast above the line of its buoys that is not believed, of the cable between them
+_UPSIDE_DOWN = 0.05
 _ENERGY = 1e-6  # weight of bending energy against disagreement with the sensors: it decides what they do not
 
 
@@ -71,6 +84,7 @@ def estimate_shape(
     case: Case | None = None,
     bodies: ArrayLike | None = None,
     bending_length: float | None = None,
+    opening: float = 0.0,
 ) -> xr.Dataset:
     """Shape of the cable between two places, from the orientations of the sensors alone.
 
@@ -89,7 +103,9 @@ def estimate_shape(
         Material coordinates of point loads [m]; default: the bodies of the case.
     bending_length : float, optional
         sqrt(EI/N) [m], ``inf`` for circular arcs; default: with the stiffness and the mean net lift of the
-        buoys in the case, else circular arcs.
+        buoys in the case, but at least a quarter of `STEP`.
+    opening : float
+        Offset that was found at rest, see `opening_at_rest` [rad].
 
     Returns
     -------
@@ -100,43 +116,116 @@ def estimate_shape(
     Raises
     ------
     SensorError
-        If there are fewer than two sensors, two share a place, or the two places are not in order.
+        If there are fewer than two sensors, two share a place, a piece between bodies has none, the two
+        places are not in order, or neither a case nor `bending_length` says how the cable bends.
+
+    Warns
+    -----
+    SensorWarning
+        If more than a fifth of the shape lies beyond the outermost sensor, or sensors seem to be mounted the
+        other way round or to be elsewhere.
     """
     case = _case(signals) if case is None else case
     loads = _body_places(case) if bodies is None else np.sort(np.asarray(bodies, dtype=float))
     length = _bending_length(case) if bending_length is None else float(bending_length)
-    s_imu = signals["s"].values
-    order = np.argsort(s_imu)
-    places = s_imu[order]
-    if places.size < 2 or (np.diff(places) <= 0).any():
-        raise SensorError(
-            f"The sensors are at s = {places.tolist()} m: give two or more, each at a place of its own."
-        )
+    order, places = ordered_places(signals["s"].values)
     outer = loads if loads.size > 1 else places
     first, last = (outer[0] if start is None else start), (outer[-1] if end is None else end)
     if not first < last:
         raise SensorError(
             f"The shape was asked for from {first:g} to {last:g} m: give an end beyond the start."
         )
+    _check_span(places, first, last, loads)
     grid = shape_grid(first, last, loads)
     weights = tangent_weights(places, grid, loads, length)
     known = tangents(signals).values[:, order]
     along = interpolate_tangents(known, places, grid, weights)
-    steps = 0.5 * np.diff(grid)[:, None] * (along[:, 1:] + along[:, :-1])
-    position = np.concatenate((np.zeros_like(along[:, :1]), np.cumsum(steps, axis=1)), axis=1)
+    if opening != 0.0:
+        along = _opened(grid, along, opening)
+    position = _summed(grid, along)
+    _check_sense([str(name) for name in signals["imu"].values[order]], places, known, loads)
+    _check_bodies(grid, position, case)
     dimensions = ("time", "point", "axis")
+    meaning = {"units": "m", "long_name": "estimated position from the start"}
     return xr.Dataset(
         {
-            "position": (
-                dimensions,
-                position,
-                {"units": "m", "long_name": "estimated position from the start"},
-            ),
+            "position": (dimensions, position, meaning),
             "tangent": (dimensions, along, {"units": "1", "long_name": "estimated tangent"}),
         },
         {"time": signals["time"], "s": ("point", grid, {"units": "m"}), "axis": AXES},
-        {"bending_length": length, "case": signals.attrs.get("case", "")},
+        {"bending_length": length, "opening": opening, "case": signals.attrs.get("case", "")},
     )
+
+
+def opening_at_rest(
+    signals: xr.Dataset,
+    distance: float,
+    start: float | None = None,
+    end: float | None = None,
+    *,
+    case: Case | None = None,
+    bodies: ArrayLike | None = None,
+    bending_length: float | None = None,
+) -> float:
+    """Offset of a shape, from its distance measured once at rest.
+
+    The shape is opened (or closed) in the plane of its ends and its middle: tangents are turned by an angle
+    that goes evenly from `opening` at the first place to its opposite at the last, so that the length is
+    kept and a taut cable is left alone.
+
+    Parameters
+    ----------
+    signals : Dataset
+        Of the rest alone, for instance ``signals.sel(time=slice(0, 5))``: its mean is taken.
+    distance : float
+        Of the first from the last place of the shape, measured then [m].
+    start, end, case, bodies, bending_length
+        As in `estimate_shape`, and the same there.
+
+    Returns
+    -------
+    float
+        For `estimate_shape` [rad].
+
+    Raises
+    ------
+    SensorError
+        If no opening up to `WIDEST` gives the distance: then something else is wrong.
+    """
+    shape = estimate_shape(signals, start, end, case=case, bodies=bodies, bending_length=bending_length)
+    grid = shape["s"].values
+    along = shape["tangent"].mean("time").values[None]
+    along = along / np.linalg.norm(along, axis=-1, keepdims=True)
+
+    def missing(opening: float) -> float:
+        return float(np.linalg.norm(_summed(grid, _opened(grid, along, opening))[0, -1]) - distance)
+
+    least, found, most = (missing(opening) + distance for opening in (-WIDEST, 0.0, WIDEST))
+    if not least < distance < most:
+        raise SensorError(
+            f"A distance of {distance:g} m at rest is out of reach: the sensors tell {found:.3g} m, and "
+            f"{least:.3g} to {most:.3g} m with all that an offset may do. Check the distance, and where and "
+            "how the sensors sit."
+        )
+    return float(brentq(missing, -WIDEST, WIDEST, xtol=1e-9))
+
+
+def _summed(grid: Array, along: Array) -> Array:
+    """Positions (q, p, 3) from the first place, the integral of the tangents."""
+    steps = 0.5 * np.diff(grid)[:, None] * (along[:, 1:] + along[:, :-1])
+    return np.concatenate((np.zeros_like(along[:, :1]), np.cumsum(steps, axis=1)), axis=1)
+
+
+def _opened(grid: Array, along: Array, opening: float) -> Array:
+    """Tangents (q, p, 3) turned in the plane of ends and middle, at the ends by the opening."""
+    position = _summed(grid, along)
+    middle = position[:, grid.size // 2]
+    normal = np.cross(middle, position[:, -1] - middle)
+    size = np.linalg.norm(normal, axis=-1, keepdims=True)
+    axis = normal / np.maximum(size, 1e-12)  # of a straight cable there is none, and nothing to open
+    share = 1.0 - 2.0 * (grid - grid[0]) / (grid[-1] - grid[0])
+    turns = turn(opening * axis.T[..., None] * share)
+    return np.moveaxis(rotate(turns, np.moveaxis(along, -1, 0)), 0, -1)
 
 
 def shape_distance(
@@ -165,14 +254,92 @@ def shape_curvature(shape: xr.Dataset, s: ArrayLike) -> xr.DataArray:
     return xr.DataArray(values, coordinates, ("time", "point"), attrs=attributes)
 
 
+# Checks -----------------------------------------------------------------------------------------
+
+
+def _check_span(places: Array, first: float, last: float, loads: Array) -> None:
+    """Refuse pieces between bodies that no sensor is on; warn of what is extrapolated."""
+    for a, b in pairwise(_cuts(first, last, loads)):
+        if not ((places > a - NEAREST) & (places < b + NEAREST)).any():
+            raise SensorError(
+                f"No sensor is on the cable from {a:g} to {b:g} m, so nothing tells where it goes; they are "
+                f"at {_list(places)} m. Put one there, or ask for a shape (`start`, `end`) with some on each "
+                "piece between bodies."
+            )
+    beyond = max(places[0] - first, last - places[-1])
+    if beyond > _EXTRAPOLATED * (last - first):
+        warnings.warn(
+            f"The sensors, at {_list(places)} m, do not span the shape from {first:g} to {last:g} m: "
+            f"{beyond:.3g} m beyond the outermost are extrapolated. Put sensors nearer to its ends, or ask "
+            "for less of it (`start`, `end`).",
+            SensorWarning,
+            stacklevel=3,
+        )
+
+
+def _check_sense(names: list[str], places: Array, known: Array, loads: Array) -> None:
+    """Warn of the sensor whose tangents (q, m, 3) are nearer to those of its neighbours when reversed.
+
+    Neighbours count with the cosine in the middle of the log, those beyond a body do not.
+    """
+    cosines = np.einsum("tmc,tmc->tm", known[:, :-1], known[:, 1:])
+    agreement = np.zeros(len(names))
+    for k, cosine in enumerate(cosines.T):
+        apart = (loads > places[k] + NEAREST) & (loads < places[k + 1] - NEAREST)
+        there = cosine[np.isfinite(cosine)]
+        if there.size and not apart.any():
+            agreement[k : k + 2] += np.median(there)
+    worst = int(np.argmin(agreement))
+    if len(names) > 2 and agreement[worst] < 0.0:
+        warnings.warn(
+            f"{names[worst]}, at {places[worst]:g} m, points away from its neighbours most of the time: is "
+            "it mounted the other way round (`mounting`), or elsewhere?",
+            SensorWarning,
+            stacklevel=3,
+        )
+
+
+def _check_bodies(grid: Array, position: Array, case: Case | None) -> None:
+    """Warn of what sinks if it comes out above the line between its neighbours, both of which float."""
+    if case is None:
+        return
+    inside = [body for body in case_bodies(case) if grid[0] <= body.at <= grid[-1]]
+    for first, body, last in zip(inside, inside[1:], inside[2:], strict=False):
+        lifts = [_net_lift(case, each) for each in (first, body, last)]
+        if not (lifts[0] > 0.0 > lifts[1] and lifts[2] > 0.0):
+            continue
+        index = [int(np.argmin(np.abs(grid - each.at))) for each in (first, body, last)]
+        height = position[:, index, 2]
+        share = (body.at - first.at) / (last.at - first.at)
+        above = height[:, 1] - (1.0 - share) * height[:, 0] - share * height[:, 2]
+        above = above[np.isfinite(above)]
+        if above.size and np.median(above) > _UPSIDE_DOWN * (last.at - first.at):
+            warnings.warn(
+                f"The sensors say that {body.name}, which sinks, is {np.median(above):.2g} m above the line "
+                f"from {first.name} to {last.name}, which float: are the sensors mounted the other way round "
+                "(`mounting`), or their places exchanged?",
+                SensorWarning,
+                stacklevel=3,
+            )
+
+
+def _list(places: Array) -> str:
+    return ", ".join(f"{place:g}" for place in places)
+
+
 # Weights ----------------------------------------------------------------------------------------
 
 
 def shape_grid(first: float, last: float, bodies: Array) -> Array:
     """Places (p,) from `first` to `last`, no further apart than `STEP`, with all bodies among them."""
-    cuts = np.unique(np.concatenate(([first, last], bodies[(bodies > first) & (bodies < last)])))
-    pieces = [np.linspace(a, b, int(np.ceil((b - a) / STEP - 1e-9)) + 1)[1:] for a, b in pairwise(cuts)]
+    cuts = pairwise(_cuts(first, last, bodies))
+    pieces = [np.linspace(a, b, int(np.ceil((b - a) / STEP - 1e-9)) + 1)[1:] for a, b in cuts]
     return np.concatenate(([first], *pieces))
+
+
+def _cuts(first: float, last: float, bodies: Array) -> Array:
+    """Two places and the bodies between them, in order [m]."""
+    return np.unique(np.concatenate(([first, last], bodies[(bodies > first) & (bodies < last)])))
 
 
 def tangent_weights(sensors: Array, grid: Array, bodies: ArrayLike, bending_length: float) -> Array:
@@ -309,12 +476,26 @@ def _body_places(case: Case | None) -> Array:
     return np.array([body.at for body in case_bodies(case)] if case is not None else [], dtype=float)
 
 
+def _net_lift(case: Case, body: case_models.Body) -> float:
+    """Buoyancy less weight of a body [N]."""
+    return (case.water.density * body.volume - body.mass) * case.gravity
+
+
 def _bending_length(case: Case | None) -> float:
     """sqrt(EI/N) with N the mean net lift of what floats: it hangs the cable between buoys and ballast."""
     if case is None:
-        return np.inf
-    lifts = [(case.water.density * body.volume - body.mass) * case.gravity for body in case_bodies(case)]
+        raise SensorError(
+            "The signals hold no case, which says how the cable bends between the sensors: give `case`, or "
+            "`bodies` and `bending_length` (inf: circular arcs)."
+        )
+    lifts = [_net_lift(case, body) for body in case_bodies(case)]
     upwards = [lift for lift in lifts if lift > 0.0]
-    if not upwards or case.cable.bending_stiffness == 0.0:
+    if not upwards:
+        warnings.warn(
+            f"Nothing on the cable of {case.name} floats, so its tension between the sensors is not known: "
+            "circular arcs are taken. Give `bending_length` (inf: circular arcs, without this warning).",
+            SensorWarning,
+            stacklevel=3,
+        )
         return np.inf
-    return float(np.sqrt(case.cable.bending_stiffness / np.mean(upwards)))
+    return max(float(np.sqrt(case.cable.bending_stiffness / np.mean(upwards))), 0.25 * STEP)
