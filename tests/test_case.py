@@ -22,7 +22,6 @@ from cablesim.control import BuoyGap, ConstantLength, ConstantTension, Measureme
 
 ROOT = Path(__file__).resolve().parent.parent
 GALLERY = sorted((ROOT / "cases").glob("*.yaml"))
-RECORDINGS = ROOT.parent / "shared" / "recordings"
 
 MINIMAL: dict[str, Any] = {
     "name": "minimal",
@@ -132,8 +131,6 @@ def test_gallery_case_loads_and_builds(path: Path) -> None:
     assert path.read_text().startswith("# ")
     assert case.name == path.stem
     assert case.directory == path.parent
-    if "recordings" in path.read_text() and not RECORDINGS.is_dir():
-        pytest.skip("the recordings are not here")
     scene = build_scene(case)
     assert scene.name == path.stem
     assert Case.from_yaml(scene.source) == case
@@ -757,7 +754,6 @@ def test_map_that_does_not_fit(
 # Recordings -------------------------------------------------------------------------------------
 
 
-@pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not here")
 def test_cable_6_run_0024() -> None:
     """The recorded robot end and the last marker of frame 3 are the same point, measured twice."""
     scene = build_scene(load_case(ROOT / "cases" / "cable6_run0024.yaml"))

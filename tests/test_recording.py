@@ -17,10 +17,8 @@ from cablesim.recording import (
     rotate_to_vertical,
 )
 
-COSMER = Path(__file__).parents[2] / "shared" / "recordings" / "cosmer_cable6"
-needs_cosmer = pytest.mark.skipif(
-    not COSMER.is_dir(), reason=f"recordings of the COSMER tank not at {COSMER}"
-)
+RECORDED = Path(__file__).parents[1] / "validation" / "recorded"
+MARKERS = RECORDED / "cable6_y200dis1_0024_markers.csv"
 
 TIMES = np.arange(8) * 0.25
 POSITIONS = np.stack([TIMES, np.sin(TIMES), -1.5 + 0 * TIMES], axis=1)
@@ -275,17 +273,15 @@ def test_no_vertical_without_a_direction():
         rotate_to_vertical(POSITIONS, [0, 0, 0])
 
 
-@needs_cosmer
 def test_real_robot_trajectory_and_markers_agree():
-    robot = COSMER / "robot_end_trajectories" / "trajectory_L_dynamique6y200dis1_0024.txt"
+    robot = RECORDED / "cable6_y200dis1_0024_robot.txt"
     times, relative = read_recording(robot, sample_interval=0.03)
     assert times.size == 314
     np.testing.assert_allclose(relative[0], [-1.377, -0.276, -0.587])
     motion = recorded(times, relative, 7e-4)
     # trajectory 5 of the paper: a sway command of 0.6 m/s
     assert 0.4 < motion.speed_limit(9.0) < 0.7
-    markers = COSMER / "cable6_y200dis1_0024_markers.csv"
-    arc, shape = read_markers(markers, arc_column="arc_m", columns=("x_m", "y_m", "z_m"), where={"frame": 3})
+    arc, shape = read_markers(MARKERS, arc_column="arc_m", columns=("x_m", "y_m", "z_m"), where={"frame": 3})
     assert arc.size == 16
     assert arc[-1] == pytest.approx(2.841, abs=1e-3)
     # the README gives 1.9 mm as the worst difference between the two sources
@@ -293,15 +289,13 @@ def test_real_robot_trajectory_and_markers_agree():
     assert np.linalg.norm(np.diff(shape, axis=0), axis=1).sum() == pytest.approx(2.841, abs=0.02)
 
 
-@needs_cosmer
 def test_lost_real_markers_are_left_out():
-    markers = COSMER / "cable6_y200dis1_0024_markers.csv"
     columns = ("x_m", "y_m", "z_m")
-    whole, _ = read_markers(markers, arc_column="arc_m", columns=columns, where={"frame": 3})
-    late, positions = read_markers(markers, arc_column="arc_m", columns=columns, where={"frame": 755})
+    whole, _ = read_markers(MARKERS, arc_column="arc_m", columns=columns, where={"frame": 3})
+    late, positions = read_markers(MARKERS, arc_column="arc_m", columns=columns, where={"frame": 755})
     assert late.size < whole.size
     assert np.isfinite(positions).all()
-    times, _ = read_recording(markers, time_column="t_s", columns=columns, where={"point": "cable_10"})
+    times, _ = read_recording(MARKERS, time_column="t_s", columns=columns, where={"point": "cable_10"})
     assert times[0] == pytest.approx(0.03)
     assert times.size < 43
 

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
+RECORDED = Path(__file__).resolve().parent / "recorded"
 RECORDINGS = Path(__file__).resolve().parents[2] / "shared" / "recordings"
 
 

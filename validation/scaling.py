@@ -6,7 +6,7 @@ against Krylov solver below 1000 segments, the gain of each skip, and the parts 
 
 from __future__ import annotations
 
-from common import CASES, best_time, output_folder, parser, print_table, write_csv  # isort: skip - sets the threads
+from common import CASES, Evidence, best_time, parser  # isort: skip - sets the threads
 
 import json
 import resource
@@ -108,25 +108,10 @@ def measured_apart(segments: int, solver: str) -> dict[str, Any]:
     return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
 
-def growth(sizes: tuple[int, ...]) -> list[dict[str, Any]]:
-    """All sizes with the solver that is chosen for them, and fitted exponents."""
-    rows = [measured_apart(size, "auto") for size in sizes]
-    print_table(rows, "growth with the mesh, 5 cm segments, 10 s")
-    for quantity in ("per call [us]", "memory [MB]"):
-        for text, part in (
-            ("all", rows),
-            ("1000 and more", [row for row in rows if row["segments"] >= 1000]),
-        ):
-            if len(part) > 1:
-                x, y = ([float(row[key]) for row in part] for key in ("segments", quantity))
-                exponent = np.polyfit(np.log(x), np.log(np.maximum(y, 1e-3)), 1)[0]
-                print(f"  {quantity} grows as segments^{exponent:.2f} ({text})")
-    return rows
-
-
-def solvers(sizes: tuple[int, ...]) -> list[dict[str, Any]]:
-    """Band solver against Krylov solver with an exact preconditioner."""
-    return [measured_apart(size, solver) for size in sizes for solver in ("band", "krylov")]
+def exponent(rows: list[dict[str, Any]], quantity: str) -> float:
+    """Power of the number of segments with which a quantity grows."""
+    x, y = ([float(row[key]) for row in rows] for key in ("segments", quantity))
+    return float(np.polyfit(np.log(x), np.log(np.maximum(y, 1e-3)), 1)[0])
 
 
 # Skips ----------------------------------------------------------------------------------------------
@@ -281,18 +266,24 @@ def main() -> None:
     if options.one:
         print(json.dumps(measure(int(options.one[0]), options.one[1])))
         return
-    started = time.perf_counter()
+    evidence = Evidence(__file__, __doc__, options)
     repeats = 5 if options.small else 15
-    folder = output_folder(options.output)
-    rows = growth(SMALL_SIZES if options.small else SIZES)
-    write_csv(folder / "scaling.csv", rows)
-    print_table(solvers((60,) if options.small else (60, 125, 250, 428, 500, 1000)), "band against Krylov")
-    print_table(
-        skip_rows(repeats), "what the skips of a case gain together, and that they change nothing (rtol 1e-6)"
-    )
-    print_table(one_feature_rows(repeats), "what each feature costs when it does nothing")
-    print_table(parts(repeats), "where the time of S1 goes (defaults, no frames)")
-    print(f"{time.perf_counter() - started:.0f} s")
+    rows = [measured_apart(size, "auto") for size in (SMALL_SIZES if options.small else SIZES)]
+    evidence.table(rows, "growth with the mesh, 5 cm segments, 10 s")
+    text = f"time of a call, {rows[0]['segments']} to {rows[-1]['segments']} segments: power of their number"
+    evidence.claim(text, exponent(rows, "per call [us]"), at_most=1.1)
+    rows = [
+        measured_apart(size, solver)
+        for size in ((60,) if options.small else (60, 125, 250, 428, 500, 1000))
+        for solver in ("band", "krylov")
+    ]
+    evidence.table(rows, "band solver against Krylov solver with an exact preconditioner")
+    rows = skip_rows(repeats)
+    evidence.table(rows, "what the skips of a case gain together (rtol 1e-6)")
+    text = "largest difference that the skips make, rtol 1e-6"
+    evidence.claim(text, 1e3 * max(row["largest difference [m]"] for row in rows), "mm", at_most=0.05)
+    evidence.table(one_feature_rows(repeats), "what each feature costs when it does nothing")
+    evidence.table(parts(repeats), "where the time of S1 goes (defaults, no frames)")
 
 
 if __name__ == "__main__":

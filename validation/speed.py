@@ -1,14 +1,13 @@
 """Speed on scene S1 against MoorDyn at equal error, both on one core and timed in turn in one run.
 
-Needs ``pip install moordyn`` and the recordings of the peers.  Set-up is left out on both sides: for MoorDyn
-only its Step calls count, for cablesim only the integration; neither stores the 500 output frames in the
-timed runs (a second run of each, with the same settings, gives the error).  cablesim with its frames is shown
-beside.
+Needs ``pip install '.[peers]'``. Set-up is left out on both sides: for MoorDyn only its Step calls count, for
+cablesim only the integration; neither stores the 500 output frames in the timed runs (a second run of each,
+with the same settings, gives the error). cablesim with its frames is shown beside.
 """
 
 from __future__ import annotations
 
-from common import RECORDINGS, parser, print_table  # isort: skip - sets the threads
+from common import Evidence, parser  # isort: skip - sets the threads
 
 import statistics
 import sys
@@ -16,8 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
-from accuracy import rms, scene
+from accuracy import recording, rms, scene
 
 import cablesim
 from cablesim.scene import Scene
@@ -153,15 +151,17 @@ def compare(target: str, repeats: int, reference: np.ndarray | None) -> list[dic
 def main() -> None:
     """Print the table."""
     options = parser(__doc__).parse_args()
-    file = RECORDINGS / "peers" / "moordyn_S1_ref.nc"
-    if not file.is_file():
-        raise SystemExit(f"no recordings at {file}: nothing to measure errors against")
-    reference = xr.open_dataset(file).pos.values
+    evidence = Evidence(__file__, __doc__, options)
+    reference = recording("S1").marker_position.values
     rows: list[dict[str, object]] = []
     for target, (ours, _, _) in TARGETS.items():
         exact = reference if ours.axial_stiffness == 1e4 else None
         rows += compare(target, 1 if options.small else 3, exact)
-    print_table(rows, "S1, 10 s simulated, one core")
+    evidence.table(rows, "S1, 10 s simulated, one core")
+    for row in rows:
+        if "MoorDyn" in str(row["code"]):
+            text = f"S1 at {row['target']}: times faster than {row['code']}"
+            evidence.claim(text, float(row["times slower"]))
 
 
 if __name__ == "__main__":

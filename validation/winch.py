@@ -6,7 +6,7 @@ against the static shape, and by the clock.
 
 from __future__ import annotations
 
-from common import CASES, output_folder, parser, print_table, write_csv  # isort: skip  (sets the threads)
+from common import CASES, Evidence, parser  # isort: skip  (sets the threads)
 
 import resource
 import time
@@ -293,10 +293,10 @@ def random_scene(seed: int) -> Scene:
     )
 
 
-def stress(count: int) -> list[dict[str, Any]]:
-    """How many random scenes end in which way; scenes with a fault are listed by their number."""
+def stress(count: int) -> tuple[list[dict[str, Any]], list[int]]:
+    """How many random scenes end in which way, and the numbers of those with a fault."""
     ends: Counter[str] = Counter()
-    faults, events, closure = [], 0, 0.0
+    faults = []
     for seed in range(count):
         try:
             run = cablesim.simulate(random_scene(seed))
@@ -304,13 +304,9 @@ def stress(count: int) -> list[dict[str, Any]]:
             ends["no rest shape found"] += 1
             continue
         ends[run.attrs["status"]] += 1
-        events += run.sizes["winch_event"]
-        closure = max(closure, float(run["closure_error"].max()))
         if not np.isfinite(run["end_force"].values).all() or run["closure_error"].max() > 1e-3:
             faults.append(seed)
-    rows = [{"end": end, "scenes": number} for end, number in ends.most_common()]
-    print(f"\n{count} scenes: {events} events, closure {1e3 * closure:.2g} mm; faults: {faults or 'none'}")
-    return rows
+    return [{"end": end, "scenes": number} for end, number in ends.most_common()], faults
 
 
 # Speed of the round trip ----------------------------------------------------------------------------
@@ -411,33 +407,68 @@ def clocked(scene: Scene) -> dict[str, float]:
     return spent
 
 
-def main() -> None:
-    """Print all tables."""
-    options = parser(__doc__).parse_args()
-    folder, small = output_folder(options.output), options.small
-    scene = gallery("winch_cycle")
-    rows = cranking(scene, 120.0 if small else 3600.0)
-    write_csv(folder / "cranking.csv", rows)
-    print_table(rows, "random cranking, both ends moving, default tolerance, by quarters")
+# All of it -------------------------------------------------------------------------------------------
+
+
+def cycle_evidence(evidence: Evidence, scene: Scene, small: bool) -> None:
+    """Forces of the winch cycle: against a finer run, at events, and after it."""
     fine = cablesim.simulate(changed(scene, segment=0.0125, rtol=1e-5 if small else 1e-6, interval=0.005))
-    rows = [
-        cycle_row(scene, f"rtol {rtol:g}", rtol, fine) for rtol in ((1e-5,) if small else (1e-4, 1e-5, 1e-6))
-    ]
-    write_csv(folder / "winch_cycle.csv", rows)
-    print_table(rows, "winch cycle, 5 cm, against 1.25 cm: force at the ends, % of its range")
-    print_table([force_jumps(scene)], "jumps of the force where nodes come and go (rtol 1e-5)")
-    print_table(rest_rows(scene), "after the cycle: distance from the rest shape of 2.5 m")
+    tolerances = (1e-5,) if small else (1e-4, 1e-5, 1e-6)
+    rows = [cycle_row(scene, f"rtol {rtol:g}", rtol, fine) for rtol in tolerances]
+    evidence.table(rows, "winch cycle, 5 cm, against 1.25 cm: force at the ends, % of its range")
+    middle = rows[0 if small else 1]
+    evidence.claim("winch cycle, 5 cm, rtol 1e-5: force at A, largest", middle["A, max %"], "%", at_most=1.0)
+    evidence.claim("jump of the kinetic energy at an event", middle["energy jump, max %"], "%", at_most=0.1)
+    jumps = force_jumps(scene)
+    for end in "AB":
+        text = f"jump of the force at {end} at {jumps['events']} events, largest"
+        evidence.claim(text, jumps[f"{end}, max %"], "%", at_most=0.2)
+    rows = rest_rows(scene)
+    evidence.table(
+        rows, "after the cycle: distance from the rest shape", "Quadratic drag: a swing fades like 1/t."
+    )
+    evidence.claim(
+        "distance from the rest shape 300 s after the start", rows[-1]["swing [mm]"], "mm", at_most=0.3
+    )
+
+
+def convergence_evidence(evidence: Evidence, scene: Scene, small: bool) -> None:
+    """Orders through events."""
     meshes = (0.2, 0.1, 0.05) if small else (0.1, 0.05, 0.025, 0.0125)
     tolerances = (1e-4, 1e-6) if small else (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
-    print_table(convergence(scene, meshes, tolerances), "convergence of the force at A through events")
+    rows = convergence(scene, meshes, tolerances)
+    evidence.table(rows, "convergence of the force at A through events")
+    for row in rows:
+        if np.isfinite(row["order"]):
+            text = f"order in space through {row['events']} events, to {100 * row['segment']:g} cm"
+            evidence.claim(text, row["order"], at_least=1.8)
+
+
+def main() -> None:
+    """Measure everything."""
+    options = parser(__doc__).parse_args()
+    small = options.small
+    evidence = Evidence(__file__, __doc__, options)
+    scene = gallery("winch_cycle")
+    rows = cranking(scene, 120.0 if small else 3600.0)
+    evidence.table(rows, "random cranking, both ends moving, default tolerance, by quarters")
+    events = rows[-1]["events"]
+    text = f"random cranking, {events} events: closure, largest"
+    evidence.claim(text, rows[-1]["closure, max [mm]"], "mm", at_most=0.3)
+    growth = rows[-1]["calls for an event"] / rows[0]["calls for an event"]
+    evidence.claim("the same: calls for an event in the last quarter over the first", growth, at_most=1.25)
+    cycle_evidence(evidence, scene, small)
+    convergence_evidence(evidence, scene, small)
     if not small:  # each kind of scene is compiled once, which takes longer than its run
-        print_table(stress(300), "how they end")
+        rows, faults = stress(300)
+        evidence.table(rows, "how 300 random winches end")
+        evidence.claim("of these with a fault", len(faults), at_most=0)
     repeats = 3 if small else 15
-    print_table(
-        [speed_row(name, repeats) for name in ("round_trip", "turn", "dive", "winch_cycle")],
-        "speed of the cases",
-    )
-    print_table(split(repeats), "where the time of the round trip goes")
+    rows = [speed_row(name, repeats) for name in ("round_trip", "turn", "dive", "winch_cycle")]
+    evidence.table(rows, "speed of the cases")
+    for row in rows[:3]:
+        evidence.claim(f"{row['case']}: times real time", row["times real time"])
+    evidence.table(split(repeats), "where the time of the round trip goes")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
-"""Run the peer scenes S1, S3 and S3v in MoorDyn 2.7.2 and time its integration loop.
+"""Run the peer scenes in MoorDyn 2.7.2 and time its integration loop.
 
-The scenes are those of `recordings/peers/README.md`. Called as a script, this prints wall time against
-marker error for a list of meshes and time schemes; `run_scene` gives one run to another script.
+The scenes are those of `validation/recorded/README.md`. Called as a script, this prints wall time against
+marker error for a list of meshes and time schemes; `run_scene` gives one run to another script, and
+`moordyn_recordings.py` keeps converged ones.
 
 Every run is 60 m down, because MoorDyn takes a segment at z = 0 for partly dry. MoorDyn has no call that sets
 node positions, so the start shape goes in through the byte image of `moordyn.Serialize`.
@@ -19,6 +20,7 @@ os.environ.update({f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "M
 
 import argparse
 import contextlib
+import ctypes
 import math
 import statistics
 import tempfile
@@ -31,6 +33,7 @@ from typing import Any
 import moordyn
 import numpy as np
 import xarray as xr
+from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import brentq
 
 LENGTH = 3.0  # m, unstretched
@@ -42,27 +45,48 @@ DEPTH = 60.0  # m
 OUTPUT_INTERVAL = 0.02  # s
 COUPLING_INTERVAL = 0.005  # s
 MARKERS = 16
-SPAN = 1.5  # m, between the ends in S1
-CRUISE_SPEED = 0.5  # m/s, of end B in S1
-RAMP = 0.5  # s, up and down
-TRAVEL = 2.0  # m, of end B in S1
 
-RECORDINGS = Path(__file__).resolve().parents[3] / "shared" / "recordings" / "peers"
+RECORDED = Path(__file__).resolve().parents[1] / "recorded"
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What tells one scene from another: water, length of the record, and whether end B is driven or free."""
+    """What tells one scene from another; speeds are linear between their waypoints."""
 
     duration: float  # s
-    water_density: float  # kg/m3
-    driven: bool
+    water_density: float = 1000.0  # kg/m3
+    span: float | None = None  # m, between the ends at the start, along x; None: end B is free
+    velocity: tuple[tuple[float, ...], ...] = ((0.0, 0.0, 0.0, 0.0),)  # of end B: t, vx, vy, vz
+    payout: tuple[tuple[float, float], ...] = ()  # of a winch at B: t, speed
 
 
 SCENES = {
-    "S1": Scene(duration=10.0, water_density=1000.0, driven=True),
-    "S3": Scene(duration=6.0, water_density=1000.0, driven=False),
-    "S3v": Scene(duration=3.0, water_density=0.0, driven=False),
+    "S1": Scene(
+        duration=10.0,
+        span=1.5,
+        velocity=((0.0, 0, 0, 0), (0.5, 0, 0.5, 0), (4.0, 0, 0.5, 0), (4.5, 0, 0, 0)),
+    ),
+    "S2": Scene(
+        duration=14.0,
+        span=0.7,
+        velocity=(
+            (0.0, 0, 0, 0),
+            (0.5, 0.5, 0, 0),
+            (4.2, 0.5, 0, 0),
+            (4.7, 0, 0, 0),
+            (5.7, 0, 0, 0),
+            (6.2, -0.5, 0, 0),
+            (9.9, -0.5, 0, 0),
+            (10.4, 0, 0, 0),
+        ),
+    ),
+    "S3": Scene(duration=6.0),
+    "S3v": Scene(duration=3.0, water_density=0.0),
+    "winch": Scene(
+        duration=20.0,
+        span=1.5,
+        payout=((0.0, 0), (1.0, 0.1), (8.0, 0.1), (9.0, 0), (11.0, -0.1), (18.0, -0.1), (19.0, 0)),
+    ),
 }
 
 
@@ -90,7 +114,7 @@ def run_scene(
     Parameters
     ----------
     scene : str
-        "S1", "S3" or "S3v".
+        A name in `SCENES`.
     segment_length : float
         Unstretched length of a segment [m].
     scheme : str
@@ -124,7 +148,7 @@ def run_scene(
 
 def _start_shape(setting: Scene, segments: int, axial_stiffness: float) -> np.ndarray:
     """Return the node positions (node, 3) at t = 0: hanging between the ends in S1, straight otherwise."""
-    if setting.driven:
+    if setting.span is not None:
         return _hanging_chain(setting, segments, axial_stiffness)
     distance = np.linspace(0.0, LENGTH, segments + 1)[:, None]
     return distance * np.array([1.0, 0.0, -1.0]) / math.sqrt(2.0)
@@ -143,7 +167,7 @@ def _hanging_chain(setting: Scene, segments: int, axial_stiffness: float) -> np.
         components = np.column_stack([np.full(segments, horizontal), np.zeros(segments), vertical])
         return stretched[:, None] * components / tension[:, None]
 
-    horizontal = brentq(lambda h: steps(h)[:, 0].sum() - SPAN, 1e-6, 10.0, xtol=1e-14, rtol=1e-14)
+    horizontal = brentq(lambda h: steps(h)[:, 0].sum() - setting.span, 1e-6, 10.0, xtol=1e-14, rtol=1e-14)
     return np.vstack([np.zeros(3), np.cumsum(steps(horizontal), axis=0)])
 
 
@@ -152,7 +176,7 @@ def _input_deck(
 ) -> str:
     """Return the text of the MoorDyn input file."""
     x, y, z = nodes[-1]
-    end_b = "Coupled" if setting.driven else "Free"
+    end_b = "Free" if setting.span is None else "Coupled"
     # dtM a hair long: otherwise rounding leaves a last step of 1e-19 s in every coupling interval
     return f"""---- MoorDyn input file ----
 peer scene
@@ -191,7 +215,7 @@ def _started(deck: str, nodes: np.ndarray, setting: Scene) -> Iterator[Any]:
         system = moordyn.Create(str(path))
         moordyn.SetVerbosity(system, moordyn.LEVEL_ERR)
         try:
-            end_b = (nodes[-1] + _down()).tolist() if setting.driven else []
+            end_b = (nodes[-1] + _down()).tolist() if setting.span is not None else []
             moordyn.Init(system, end_b, [0.0] * len(end_b))
             _put_shape(system, nodes + _down())
             yield system
@@ -241,30 +265,55 @@ def _integrate(
     every = round(OUTPUT_INTERVAL / coupling_interval)
     calls = every * round(setting.duration / OUTPUT_INTERVAL)
     times = np.arange(calls + 1) * coupling_interval
-    positions, velocities = _end_motion(times) if setting.driven else ([[]] * calls, [[]] * calls)
-    arguments = list(zip(positions, velocities, times[:-1].tolist(), strict=True))
+    positions, velocities = _end_motion(setting, times)
+    lengths, rates = _deployed(setting, times)
+    line = moordyn.GetLine(system, 1)
     record = [_read_nodes(system, segments + 1)]
     wall_seconds = 0.0
-    for first in range(0, calls, every):
-        chunk = arguments[first : first + every]
+    for step, now in enumerate(times[:-1].tolist()):
         begin = time.perf_counter()
-        for position, velocity, now in chunk:
-            moordyn.Step(system, position, velocity, now, coupling_interval)
+        if setting.payout:
+            set_length(line, lengths[step], rates[step])
+        moordyn.Step(system, positions[step], velocities[step], now, coupling_interval)
         wall_seconds += time.perf_counter() - begin
-        record.append(_read_nodes(system, segments + 1))
+        if (step + 1) % every == 0:
+            record.append(_read_nodes(system, segments + 1))
     return np.array(record) - _down(), wall_seconds
 
 
-def _end_motion(times: np.ndarray) -> tuple[list[list[float]], list[list[float]]]:
+def set_length(line: Any, length: float, rate: float) -> None:
+    """Tell MoorDyn the unstretched length of a line [m] and its rate [m/s].
+
+    Both calls return None without owning it, and the interpreter ends when none is left: they get one.
+    """
+    for call, value in (
+        (moordyn.SetLineUnstretchedLength, length),
+        (moordyn.SetLineUnstretchedLengthVel, rate),
+    ):
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(None))
+        call(line, value)
+
+
+def _end_motion(setting: Scene, times: np.ndarray) -> tuple[list[list[float]], list[list[float]]]:
     """Return end B's position at all `times` but the last, and the velocity that leads to the next one."""
-    stop = TRAVEL / CRUISE_SPEED + RAMP
-    up = np.clip(times, 0.0, RAMP)
-    cruise = np.clip(times - RAMP, 0.0, stop - 2.0 * RAMP)
-    down = np.clip(times - (stop - RAMP), 0.0, RAMP)
-    y = CRUISE_SPEED * (up**2 / (2.0 * RAMP) + cruise + down - down**2 / (2.0 * RAMP))
-    positions = np.column_stack([np.full_like(y, SPAN), y, np.full_like(y, -DEPTH)])
+    if setting.span is None:
+        return [[]] * (len(times) - 1), [[]] * (len(times) - 1)
+    moved = _integral(np.array(setting.velocity, dtype=float), times)
+    positions = np.array([setting.span, 0.0, -DEPTH]) + moved
     velocities = np.diff(positions, axis=0) / np.diff(times)[:, None]
     return positions[:-1].tolist(), velocities.tolist()
+
+
+def _deployed(setting: Scene, times: np.ndarray) -> tuple[list[float], list[float]]:
+    """Return the unstretched length at all `times` but the last, and the rate that leads to the next one."""
+    lengths = LENGTH + _integral(np.array(setting.payout or ((0.0, 0.0),), dtype=float), times)[:, 0]
+    return lengths[:-1].tolist(), (np.diff(lengths) / np.diff(times)).tolist()
+
+
+def _integral(waypoints: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Return the integral of rates that are linear between waypoints (t, ...); corners lie on `times`."""
+    rates = np.column_stack([np.interp(times, waypoints[:, 0], column) for column in waypoints[:, 1:].T])
+    return cumulative_trapezoid(rates, times, axis=0, initial=0.0)
 
 
 def _markers(node_record: np.ndarray) -> np.ndarray:
@@ -332,20 +381,19 @@ CASES = (
 )
 
 
-def _rms_difference(case: Case, run: PeerRun, recordings: Path) -> float:
+def _rms_difference(case: Case, run: PeerRun) -> float:
     """Return the RMS distance [mm] of the markers from MoorDyn's own 1.25 cm run, NaN where there is none."""
     if case.axial_stiffness != STIFFNESS:
         return math.nan
-    with xr.open_dataset(recordings / f"moordyn_{case.scene}_ref.nc") as reference:
+    with xr.open_dataset(RECORDED / f"moordyn_{case.scene}.nc") as reference:
         compared = reference.time.values < (0.83 if case.scene == "S3v" else math.inf)
-        distance = np.linalg.norm(run.positions - reference.pos.values, axis=-1)[compared]
+        distance = np.linalg.norm(run.positions - reference.marker_position.values, axis=-1)[compared]
     return 1e3 * float(np.sqrt(np.mean(distance**2)))
 
 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--recordings", type=Path, default=RECORDINGS, help="folder of moordyn_*_ref.nc")
     parser.add_argument("--repeat", type=int, default=3, help="runs per row; the median wall time counts")
     options = parser.parse_args()
     print("scene  segment [m]  EA [N]  scheme  BA [N s]   dt [s]  coupling [s]  wall [s]  RMS [mm]")
@@ -355,7 +403,7 @@ def main() -> None:
         print(
             f"{case.scene:5} {case.segment_length:12.3g} {case.axial_stiffness:7.0e}  {case.scheme:6}"
             f" {case.axial_damping:9.3g} {runs[0].time_step:8.2e} {case.coupling_interval:13.3g}"
-            f" {wall_seconds:9.3f} {_rms_difference(case, runs[0], options.recordings):9.3f}",
+            f" {wall_seconds:9.3f} {_rms_difference(case, runs[0]):9.3f}",
             flush=True,
         )
 

@@ -34,7 +34,7 @@ def moordyn_force(
     program: xr.DataArray, scheme: str, damping: float, step: float
 ) -> tuple[np.ndarray, float]:
     """Force at A [N] at the times of a deployed length, and the wall time of the integration [s]."""
-    setting = peer.Scene(duration=float(program.time[-1]), water_density=1000.0, driven=True)
+    setting = peer.Scene(duration=float(program.time[-1]), span=1.5)
     nodes = peer._hanging_chain(setting, 60, peer.STIFFNESS)
     deck = peer._input_deck(setting, nodes, scheme, step, peer.STIFFNESS, damping)
     place, rest = (nodes[-1] + peer._down()).tolist(), [0.0, 0.0, 0.0]
@@ -45,8 +45,7 @@ def moordyn_force(
         line = moordyn.GetLine(system, 1)
         forces.append(_tension(line))
         for k, now in enumerate(times[:-1]):
-            moordyn.SetLineUnstretchedLength(line, float(lengths[k]))
-            moordyn.SetLineUnstretchedLengthVel(line, float(rates[k]))
+            peer.set_length(line, float(lengths[k]), float(rates[k]))
             begin = time.perf_counter()
             moordyn.Step(system, place, rest, float(now), INTERVAL)
             wall += time.perf_counter() - begin
