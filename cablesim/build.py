@@ -6,6 +6,7 @@ Depends on: builders, case, scene.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from cablesim.builders.review import Review
 from cablesim.builders.water import build_water
 from cablesim.builders.winch import build_winch
 from cablesim.case import Case, CaseError, models
+from cablesim.plausibility.before import check_scene
 
 
 def build_scene(case: Case, *, directory: str | Path | None = None) -> scene.Scene:
@@ -47,7 +49,7 @@ def build_scene(case: Case, *, directory: str | Path | None = None) -> scene.Sce
         raise CaseError(sorted(review.problems, key=lambda problem: problem.line or 0))
     bodies, imus = parts["attachments"]
     end_a, end_b = parts["ends"]
-    return scene.Scene(
+    built = scene.Scene(
         name=case.name,
         gravity=case.gravity,
         water=parts["water"],
@@ -65,6 +67,7 @@ def build_scene(case: Case, *, directory: str | Path | None = None) -> scene.Sce
         source=case.to_yaml(),
         winch=parts["winch"],
     )
+    return replace(built, warnings=(*review.warnings, *check_scene(built)))
 
 
 def _build_parts(review: Review) -> dict[str, Any]:

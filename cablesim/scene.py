@@ -45,6 +45,8 @@ class Cable:
         Added mass per displaced mass, normal to and along the cable.
     structural_damping : float
         Kelvin-Voigt time tau of T + tau dT/dt [s].
+    minimum_bend_radius, breaking_load : float or None
+        Radius [m] and tension [N] beyond which a run warns.
     """
 
     length: float
@@ -59,6 +61,8 @@ class Cable:
     added_mass_normal: float
     added_mass_tangential: float
     structural_damping: float
+    minimum_bend_radius: float | None = None
+    breaking_load: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,10 +163,11 @@ Current = StillWater | UniformCurrent | ProfileCurrent | GriddedCurrent
 
 @dataclass(frozen=True, kw_only=True)
 class Water:
-    """Density [kg/m3] (0 means vacuum) and current."""
+    """Density [kg/m3] (0 means vacuum), current, and height of the surface [m] if it is known."""
 
     density: float
     current: Current = StillWater()
+    surface: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -436,7 +441,8 @@ class Scene:
     """Everything one simulation needs.
 
     `gravity` [m/s2] acts along -z; `description` says what the case shows and `source` is the case as
-    text, both kept with the results; `winch` is ``None`` for a cable of fixed length.
+    text, both kept with the results; `warnings` says in sentences what is odd about it; `winch` is
+    ``None`` for a cable of fixed length.
     """
 
     name: str
@@ -454,6 +460,7 @@ class Scene:
     output: Output
     description: str = ""
     source: str = ""
+    warnings: tuple[str, ...] = ()
     winch: Winch | None = None
 
     @property

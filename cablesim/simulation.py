@@ -34,6 +34,7 @@ from cablesim.motion.drive import ramp
 from cablesim.physics.model import CableModel, build_model
 from cablesim.physics.scales import Scales, absolute_tolerances, scene_scales
 from cablesim.physics.winch import material_velocity
+from cablesim.plausibility import warnings_of
 from cablesim.scene import Control, Scene, Winch
 from cablesim.statics import InitialState, find_initial_state
 from cablesim.status import WINCH_STOPS, Status
@@ -179,6 +180,11 @@ class Simulation:
     def time(self) -> float:
         """Simulated time [s]."""
         return self._time
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is odd about the scene and the cable now; what was odd in a run is said in its dataset."""
+        return warnings_of(self.present())
 
     @property
     def model(self) -> CableModel:

@@ -39,8 +39,8 @@ def execute(run: Run, progressed: Callable[[float, float], None]) -> RunSummary:
             summary = _simulate_and_write(run, progressed)
     except (Exception, KeyboardInterrupt) as error:
         summary = _failed(run, error)
-    odd = tuple(str(warning.message) for warning in caught if issubclass(warning.category, UserWarning))
-    return replace(summary, warnings=odd)
+    odd = [str(warning.message) for warning in caught if issubclass(warning.category, UserWarning)]
+    return replace(summary, warnings=(*odd, *summary.warnings))
 
 
 def _simulate_and_write(run: Run, progressed: Callable[[float, float], None]) -> RunSummary:
@@ -55,6 +55,8 @@ def _simulate_and_write(run: Run, progressed: Callable[[float, float], None]) ->
 
 def _write(run: Run, dataset: xr.Dataset) -> RunSummary:
     status = str(dataset.attrs.get("status", "completed"))
+    from cablesim.plausibility import warnings_of
+
     with on_interrupt(lambda: None):  # a second Ctrl-C must not cost the result
         write_result(dataset, run.file)
     return RunSummary(
@@ -66,6 +68,7 @@ def _write(run: Run, dataset: xr.Dataset) -> RunSummary:
         simulated_seconds=float(dataset["time"][-1] - dataset["time"][0]),
         wall_seconds=float(dataset.attrs.get("wall_seconds", 0.0)),
         residual_calls=int(dataset.attrs.get("residual_calls", 0)),
+        warnings=warnings_of(dataset),
     )
 
 

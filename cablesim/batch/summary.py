@@ -45,7 +45,7 @@ class RunSummary:
     residual_calls : int
         Work done by the integrator.
     warnings : tuple of str
-        What is odd about the case.
+        What is odd about the case and its result.
     """
 
     case: Path

@@ -6,7 +6,6 @@ Depends on: review, case, scene.
 from __future__ import annotations
 
 import math
-import warnings
 
 from cablesim import scene
 from cablesim.builders.review import Review
@@ -18,12 +17,8 @@ SEGMENTS_LIMIT = 200_000
 
 
 def build_cable(review: Review) -> scene.Cable:
-    """Make the cable; warn of a diameter that looks like millimetres."""
+    """Make the cable."""
     given = review.case.cable
-    if given.diameter > 1:
-        warnings.warn(
-            f"cable.diameter is {given.diameter:g} m; did you mean {given.diameter:g} mm?", stacklevel=5
-        )
     section, weight = _section_and_weight(review)
     return scene.Cable(
         length=given.length,
@@ -38,6 +33,8 @@ def build_cable(review: Review) -> scene.Cable:
         added_mass_normal=given.added_mass_normal,
         added_mass_tangential=given.added_mass_tangential,
         structural_damping=given.structural_damping,
+        minimum_bend_radius=given.minimum_bend_radius,
+        breaking_load=given.breaking_load,
     )
 
 

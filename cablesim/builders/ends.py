@@ -13,7 +13,8 @@ from cablesim import motion as motions
 from cablesim import recording, scene
 from cablesim.builders.review import STRAIN_LIMIT, Review, Stop
 from cablesim.case import models
-from cablesim.case.errors import Location
+from cablesim.case.errors import Location, path_text
+from cablesim.plausibility.recordings import check_samples
 from cablesim.scene import Vector
 
 STRETCH_LIMIT = 0.5
@@ -106,6 +107,7 @@ def _recorded(review: Review, given: models.RecordedEnd, where: Location) -> mot
             centre = recording.read_recording(file, where=given.origin.where, **options)[1].mean(axis=0)
         else:
             centre = np.array(given.origin)
+    review.warnings += check_samples(path_text(where), times, positions, given.noise)
     positions = review.upright(positions - centre, given.up, where)
     with review.trying(where, "Check the recording, `noise` and `start`."):
         return motions.recorded(times, positions, given.noise, start=given.start)

@@ -42,12 +42,15 @@ class Review:
         Where relative paths in it start.
     problems : list of Problem
         What was found wrong so far.
+    warnings : list of str
+        What is odd, but can be run.
     """
 
     def __init__(self, case: Case, directory: Path) -> None:
         self.case = case
         self.directory = directory
         self.problems: list[Problem] = []
+        self.warnings: list[str] = []
 
     @property
     def start_length(self) -> float:

@@ -18,22 +18,29 @@ def build_water(review: Review) -> scene.Water:
     """Make the water and its current."""
     given = review.case.water
     if given.current == "none":
-        return scene.Water(density=given.density)
+        return scene.Water(density=given.density, surface=given.surface)
     where: Location = ("water", "current")
     if given.density == 0:
         raise review.refuse(
             where, "there is no current in vacuum (water.density is 0)", "Leave one of them out.", None
         )
-    if isinstance(given.current, models.UniformCurrent):
-        return scene.Water(
-            density=given.density,
-            current=scene.UniformCurrent(velocity=np.array(given.current.velocity)),
-        )
-    if isinstance(given.current, models.ProfileCurrent):
-        return scene.Water(density=given.density, current=_profile(review, given.current, where))
-    file = review.file(given.current.file, (*where, "file"))
+    return scene.Water(
+        density=given.density, surface=given.surface, current=_current(review, given.current, where)
+    )
+
+
+def _current(
+    review: Review,
+    given: models.UniformCurrent | models.ProfileCurrent | models.MapCurrent,
+    where: Location,
+) -> scene.Current:
+    if isinstance(given, models.UniformCurrent):
+        return scene.UniformCurrent(velocity=np.array(given.velocity))
+    if isinstance(given, models.ProfileCurrent):
+        return _profile(review, given, where)
+    file = review.file(given.file, (*where, "file"))
     with review.trying((*where, "file"), "Check the file and the names of its variables."):
-        return scene.Water(density=given.density, current=read_current_map(file, given.current))
+        return read_current_map(file, given)
 
 
 def _profile(review: Review, given: models.ProfileCurrent, where: Location) -> scene.ProfileCurrent:

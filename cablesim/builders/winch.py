@@ -17,7 +17,8 @@ from cablesim import control, recording, scene
 from cablesim import motion as motions
 from cablesim.builders.review import STATES_LIMIT, Review, Stop
 from cablesim.case import models
-from cablesim.case.errors import CaseError, Location, Problem, suggestion
+from cablesim.case.errors import CaseError, Location, Problem, path_text, suggestion
+from cablesim.plausibility.recordings import check_samples
 from cablesim.scene import Vector
 
 _WHERE: Location = ("winch", "payout")
@@ -122,6 +123,7 @@ def _recorded(review: Review, given: models.RecordedPayout, length: float) -> mo
             where=given.where,
             unit_factor=factor,
         )
+    review.warnings += check_samples(path_text(_WHERE), times, lengths[:, None], given.noise)
     with review.trying(_WHERE, "Check the recording, `noise` and `start`."):
         motion = motions.recorded_length(times, lengths, given.noise, start=given.start)
     review.known_long_enough(motion, "recording", where)

@@ -15,7 +15,7 @@ import typer
 from cablesim.cli import tables
 from cablesim.cli.application import CasePath, CasePaths, Overrides, command
 from cablesim.cli.progress import watcher
-from cablesim.cli.terminal import say, table, tell
+from cablesim.cli.terminal import say, table, tell, warn
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,12 +60,13 @@ def validate(cases: CasePaths) -> None:
     worst = 0
     for path in cases:
         try:
-            load_scene(path)
+            scene = load_scene(path)
         except Exception as error:
             outcome, _, message = explain_failure(error)
             worst = max(worst, int(outcome))
             tell(message if str(path) in message else f"{path}: {message}")
         else:
+            warn(*(f"{path}: {text}" for text in scene.warnings))
             say(f"{path}: ok")
     raise typer.Exit(worst)
 
@@ -74,6 +75,7 @@ def validate(cases: CasePaths) -> None:
 def info(case: CasePath, overrides: Overrides = None) -> None:
     """Say what a case amounts to: mesh, unknowns, what is skipped, weights, natural scales."""
     from cablesim.batch import load_scene
+    from cablesim.plausibility import warnings_of
 
     scene = load_scene(case, overrides or ())
     simulation = _initialised(scene)
@@ -87,6 +89,7 @@ def info(case: CasePath, overrides: Overrides = None) -> None:
         for name, value in rows.items():
             shown.add_row(name, value)
         say(shown)
+    warn(*warnings_of(_dataset_at_start(simulation)))
 
 
 @command
@@ -100,6 +103,7 @@ def statics(
 
     from cablesim.batch import load_scene, write_result
     from cablesim.files import check_writable
+    from cablesim.plausibility import warnings_of
     from cablesim.scene import EquilibriumShape, StartShape
 
     if output is not None:
@@ -114,6 +118,7 @@ def statics(
     for name, value in tables.rest_rows(simulation, rest).items():
         shown.add_row(name, value)
     say(shown)
+    warn(*warnings_of(rest))
     if output is not None:
         write_result(rest, output)
         say(f"{output} written")

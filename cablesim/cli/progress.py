@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from cablesim.cli.tables import result_line
-from cablesim.cli.terminal import console, say, tell
+from cablesim.cli.terminal import console, say, tell, warn
 
 if TYPE_CHECKING:
     from cablesim.batch import RunSummary
@@ -29,8 +29,7 @@ def watcher(names: Sequence[str], *, quiet: bool) -> Iterator[Any]:
         """Says how each run ended."""
 
         def finished(self, index: int, summary: RunSummary) -> None:
-            for text in summary.warnings:
-                tell(f"warning: {summary.case}: {text}", style="yellow")
+            warn(*(f"{summary.case}: {text}" for text in summary.warnings))
             if not quiet:
                 show(result_line(summary))
             if summary.outcome is not Outcome.COMPLETED:

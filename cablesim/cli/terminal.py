@@ -73,13 +73,19 @@ def show_log(*, quiet: bool = False) -> None:
     log.setLevel(logging.DEBUG if debug else logging.WARNING if quiet else logging.INFO)
 
 
+def warn(*texts: str) -> None:
+    """Write warnings to standard error."""
+    for text in texts:
+        tell(f"warning: {text}", style="yellow")
+
+
 @contextmanager
 def odd_things_shown() -> Iterator[None]:
     """Show warnings about a case as messages, and hide those meant for programmers."""
 
     def show(message: Any, category: type[Warning], *_: Any, **__: Any) -> None:
         if issubclass(category, UserWarning):
-            tell(f"warning: {message}", style="yellow")
+            warn(str(message))
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", UserWarning)

@@ -15,11 +15,15 @@ from typing import Any
 import xarray as xr
 
 from cablesim.picture import description, node_positions
+from cablesim.plausibility import ATTRIBUTE, warnings_of
 from cablesim.report.facts import Fact, key_facts
 from cablesim.report.payload import choose_thinning, payload
 
 SCRIPTS = ("run.js", "camera.js", "scene.js", "plot.js", "player.js", "viewer.js")
 """The viewer, in the order in which its parts need one another."""
+
+ELSEWHERE = ("case", ATTRIBUTE)
+"""Attributes with a place of their own on the page."""
 
 
 def write_report(dataset: xr.Dataset, path: str | Path) -> None:
@@ -64,9 +68,12 @@ def report_html(dataset: xr.Dataset) -> str:
         status_class="good" if attributes.get("status") == "completed" else "bad",
         message=escape(attributes.get("message", "")),
         description=escape(description(dataset)),
+        warnings=_warnings_html(warnings_of(dataset)),
         facts="\n".join(map(_fact_html, key_facts(dataset))),
         thinning=escape(thinning.note),
-        attributes="\n".join(_row_html(name, text) for name, text in attributes.items() if name != "case"),
+        attributes="\n".join(
+            _row_html(name, text) for name, text in attributes.items() if name not in ELSEWHERE
+        ),
         case=escape(attributes.get("case") or "The file holds no case text."),
         style=_asset("style.css"),
         script="\n".join(map(_asset, SCRIPTS)),
@@ -88,6 +95,13 @@ def _fact_html(fact: Fact) -> str:
     number = f'<span class="number">{numbers} <span class="unit">{fact.unit}</span></span>'
     detail = f'<span class="detail">{escape(fact.detail)}</span>'
     return f"<div><dt>{escape(fact.label)}</dt><dd>{number} {detail}</dd></div>"
+
+
+def _warnings_html(texts: tuple[str, ...]) -> str:
+    if not texts:
+        return ""
+    items = "".join(f"<li>{escape(text)}</li>" for text in texts)
+    return f'<section class="card words" aria-label="Warnings"><h2>Warnings</h2><ul>{items}</ul></section>'
 
 
 def _row_html(name: str, text: str) -> str:

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from cablesim.mesh import Mesh
 from cablesim.physics.model import CableModel
 from cablesim.physics.needs import describe_needs
+from cablesim.plausibility import ATTRIBUTE
+from cablesim.plausibility.after import check_run
 from cablesim.scene import Output, Scene
 from cablesim.trajectory.attributes import global_attributes
 from cablesim.trajectory.coordinates import with_material_indices
@@ -54,7 +56,9 @@ def build_dataset(
                 values = _without_drum(values, variable.dimensions, history.segments)
             data[name] = (variable.dimensions, _rounded(values, scene.output), _described(variable))
     skipped = describe_needs(model.features)
-    given = global_attributes(scene, history.times, skipped, attributes)
+    odd = (*scene.warnings, *check_run(quantities))
+    noted = {ATTRIBUTE: "\n".join(odd), **attributes} if odd else attributes
+    given = global_attributes(scene, history.times, skipped, noted)
     return with_material_indices(xr.Dataset(data, _coordinates(scene, mesh, history), given))
 
 

@@ -50,6 +50,12 @@ class Cable(Part):
     structural_damping: Time = Field(
         default=1e-3, ge=0, description="Kelvin-Voigt time tau of T + tau dT/dt [s]; 0 is allowed but slow"
     )
+    minimum_bend_radius: Length | None = Field(
+        default=None, gt=0, description="radius below which the cable is harmed [m]; a run warns of less"
+    )
+    breaking_load: Force | None = Field(
+        default=None, gt=0, description="tension that breaks the cable [N]; a run warns of more"
+    )
     wet_weight: LinearForce | None = Field(
         default=None,
         description="measured weight in water per metre [N/m], positive when it sinks, 0 when neutral",

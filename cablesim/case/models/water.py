@@ -69,6 +69,10 @@ class Water(Part):
     """The water around the cable."""
 
     density: Density = Field(default=1000.0, ge=0, description="density [kg/m3]; 0 means vacuum")
+    surface: Length | None = Field(
+        default=None,
+        description="height of the surface [m]; a run warns of cable above; default: 0 if all starts below 0",
+    )
     current: Current = Field(
         default="none", description="velocity of the water: none, uniform, profile or map"
     )
