@@ -35,6 +35,7 @@ LONGEST_TURN = 0.5  # largest change of a segment vector in one Newton iteration
 STATIC_STEP = 1e6  # [s] implicit Euler step that makes inertia vanish
 FIRST_STEP, LAST_STEP = 1e-2, 1e5  # [s] of relaxation
 RELAXATION_STEPS = 400
+GROWTH = ((8, 3.0), (20, 1.5))  # Newton iterations up to which a step grows by a factor
 LONGEST_RELAXATION = 1.0  # a longer step swings joints that are folded over, to and fro for ever
 SMALLEST_LOAD_STEP = 1.0 / 64.0
 REST_TOLERANCE = 1e-9  # unbalanced force on a node at rest, over the scene's largest force
@@ -132,8 +133,7 @@ class Search:
             y = found
             if h >= LAST_STEP and self._balanced(y):
                 break
-            easy = self.iterations - before <= 8
-            h = min(LAST_STEP, h * (3.0 if easy else 1.0))
+            h = min(LAST_STEP, h * _growth(self.iterations - before))
         return y
 
     def _turn(self, y: Array, other: Array) -> float:
@@ -165,6 +165,11 @@ class Search:
             if turn < 1e-11 and np.abs(layout.tension(change)).max() < 1e-9 * scale:
                 return new
         return None
+
+
+def _growth(iterations: int) -> float:
+    """By how much the next step of relaxation may be longer than one that took Newton so many iterations."""
+    return next((growth for most, growth in GROWTH if iterations <= most), 1.0)
 
 
 def _closure_defect(y: Array, model: CableModel) -> Array:
