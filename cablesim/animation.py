@@ -43,7 +43,14 @@ _MARKS = {"buoy": ("o", "#ef8a17"), "ballast": ("s", "#44525c"), "body": ("o", "
 _TRIAD = ("#d43d2f", "#1e9255", "#2f6fe0")  # tangent, normal, binormal
 
 
-def animate(dataset: xr.Dataset, path: str | Path, *, fps: float | None = None, speed: float = 1.0) -> int:
+def animate(
+    dataset: xr.Dataset,
+    path: str | Path,
+    *,
+    fps: float | None = None,
+    speed: float = 1.0,
+    comment: str = "made by cablesim",
+) -> int:
     """Write a run as a film.
 
     Every picture shows a state of the result, the last one before its time; none is made up in between.
@@ -58,6 +65,8 @@ def animate(dataset: xr.Dataset, path: str | Path, *, fps: float | None = None, 
         Pictures per second of film [1/s]; default 25, for a GIF 10.
     speed : float
         Simulated seconds per second of film.
+    comment : str
+        Kept in the file, where no viewer shows it.
 
     Returns
     -------
@@ -86,12 +95,15 @@ def animate(dataset: xr.Dataset, path: str | Path, *, fps: float | None = None, 
             f"A GIF of {states.size} pictures is too large, {MOST_GIF_FRAMES} are the most. "
             "Raise the speed, lower the fps, or write an .mp4."
         )
-    writer = _writer(kind, fps)
+    writer = _writer(kind, fps, comment)
     film = _Film(dataset.isel(time=states), dataset, _SIZE[kind])
     with writer.saving(film.figure, str(path), dpi=100):
         for index in range(states.size):
             film.show(index)
             writer.grab_frame()
+    if kind == ".gif":  # its writer keeps no metadata; what follows the end of a GIF is passed over
+        with path.open("ab") as film_file:
+            film_file.write(comment.encode())
     return int(states.size)
 
 
@@ -114,7 +126,7 @@ def frame_states(times: Array, fps: float, speed: float) -> NDArray[np.int64]:
     return states if states[-1] == times.size - 1 else np.append(states, times.size - 1)
 
 
-def _writer(kind: str, fps: float) -> Any:
+def _writer(kind: str, fps: float, comment: str) -> Any:
     try:
         from matplotlib import animation
     except ImportError:
@@ -127,7 +139,7 @@ def _writer(kind: str, fps: float) -> Any:
             "An .mp4 needs the program ffmpeg, which was not found. Install it (https://ffmpeg.org, or your "
             "system's package ffmpeg), or write a .gif."
         )
-    return writers.FFMpegWriter(fps=fps)
+    return writers.FFMpegWriter(fps=fps, metadata={"comment": comment})
 
 
 class _Film:

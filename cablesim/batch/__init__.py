@@ -11,15 +11,18 @@ from pathlib import Path
 
 from cablesim.batch.execute import execute, not_started
 from cablesim.batch.execute import write_result as write_result
-from cablesim.batch.interrupts import Interrupts
 from cablesim.batch.plan import Run as Run
 from cablesim.batch.plan import plan_runs as plan_runs
+from cablesim.batch.plan import plan_statics as plan_statics
 from cablesim.batch.source import load_scene as load_scene
+from cablesim.batch.source import name_of as name_of
+from cablesim.batch.source import read_case as read_case
 from cablesim.batch.summary import Outcome as Outcome
 from cablesim.batch.summary import RunSummary as RunSummary
 from cablesim.batch.summary import Watcher as Watcher
 from cablesim.batch.summary import explain_failure as explain_failure
 from cablesim.files import OutputError as OutputError
+from cablesim.interrupts import Interrupts
 
 
 def run_many(
@@ -28,6 +31,7 @@ def run_many(
     jobs: int = 1,
     *,
     overrides: Sequence[str] = (),
+    force: bool = False,
     watcher: Watcher | None = None,
 ) -> list[RunSummary]:
     """Run cases and write ``<case stem>.nc`` for each; one that fails does not stop the others.
@@ -35,7 +39,7 @@ def run_many(
     Parameters
     ----------
     paths : sequence of paths
-        Case files.
+        Case files; one may be ``-``, standard input.
     output_directory : path
         An existing folder.
     jobs : int
@@ -43,6 +47,8 @@ def run_many(
         More need the ``if __name__ == "__main__":`` of multiprocessing around the calling script.
     overrides : sequence of str
         ``key=value``, set in every case, for instance ``simulation.relative_tolerance=1e-5``.
+    force : bool
+        Replace also files that are no earlier results of the same case.
     watcher : Watcher, optional
         Told how the runs go.
 
@@ -54,9 +60,9 @@ def run_many(
     Raises
     ------
     OutputError
-        If a result could not be written there; nothing has run then.
+        If a result could not be written there, or would replace what it must not; nothing has run then.
     """
-    return run_all(plan_runs(paths, output_directory, overrides), jobs, watcher)
+    return run_all(plan_runs(paths, output_directory, overrides, force=force), jobs, watcher)
 
 
 def run_all(runs: Sequence[Run], jobs: int = 1, watcher: Watcher | None = None) -> list[RunSummary]:

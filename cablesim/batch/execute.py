@@ -1,6 +1,6 @@
 """One run: its case is built, simulated and written.
 
-Depends on: source, plan, summary, interrupts, files; simulation and trajectory when the run begins.
+Depends on: source, plan, summary; interrupts, files; simulation and trajectory when the run begins.
 """
 
 from __future__ import annotations
@@ -8,14 +8,13 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cablesim.batch.interrupts import on_interrupt
 from cablesim.batch.plan import Run
 from cablesim.batch.source import load_scene
 from cablesim.batch.summary import Outcome, RunSummary, explain_failure
-from cablesim.files import replacing
+from cablesim.files import Product, replacing
+from cablesim.interrupts import on_interrupt
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -44,7 +43,7 @@ def execute(run: Run, progressed: Callable[[float, float], None]) -> RunSummary:
 
 
 def _simulate_and_write(run: Run, progressed: Callable[[float, float], None]) -> RunSummary:
-    scene = load_scene(run.case, run.overrides)
+    scene = load_scene(run.case, run.overrides, run.text)
     from cablesim.simulation import simulate
 
     def report(progress: Progress) -> None:
@@ -58,7 +57,7 @@ def _write(run: Run, dataset: xr.Dataset) -> RunSummary:
     from cablesim.plausibility import warnings_of
 
     with on_interrupt(lambda: None):  # a second Ctrl-C must not cost the result
-        write_result(dataset, run.file)
+        write_result(dataset, run.product())
     return RunSummary(
         case=run.case,
         outcome=_OUTCOMES.get(status, Outcome.STOPPED),
@@ -79,8 +78,8 @@ _OUTCOMES = {
 }
 
 
-def write_result(dataset: xr.Dataset, file: Path) -> None:
-    """Write a result; an earlier file stays as it was unless all of the new one is there.
+def write_result(dataset: xr.Dataset, product: Product) -> None:
+    """Write a result, and in it what made it; an earlier file stays unless all of the new one is there.
 
     Raises
     ------
@@ -89,9 +88,9 @@ def write_result(dataset: xr.Dataset, file: Path) -> None:
     """
     from cablesim.trajectory.file import write
 
-    with replacing(file) as part:
+    with replacing(product.file) as part:
         try:
-            write(dataset, part)
+            write(dataset.assign_attrs(maker=product.maker), part)
         except RuntimeError as error:  # what netCDF4 makes of some errors of the disk
             raise OSError(str(error)) from None
 

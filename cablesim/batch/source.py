@@ -1,11 +1,13 @@
-"""A case from its file, with what is set on the command line.
+"""A case from its file or standard input, with what is set on the command line.
 
-Depends on: case, build (imported when a scene is made).
+Depends on: files, case, build (imported when a scene is made).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,20 +15,32 @@ from typing import TYPE_CHECKING, Any
 from cablesim.case import Case, CaseError, Problem
 from cablesim.case.errors import path_text
 from cablesim.case.read import read_yaml
+from cablesim.files import STANDARD_INPUT
 
 if TYPE_CHECKING:
     from cablesim.scene import Scene
 
 
-def load_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
-    """Read a case, set what is overridden, and build its scene.
+def load_scene(path: str | Path, overrides: Iterable[str] = (), text: str | None = None) -> Scene:
+    """Read a case, set what is overridden, and build its scene; see `read_case`."""
+    from cablesim.build import build_scene
+
+    overrides = tuple(overrides)
+    with _blaming(overrides):
+        return build_scene(read_case(path, overrides, text))
+
+
+def read_case(path: str | Path, overrides: Iterable[str] = (), text: str | None = None) -> Case:
+    """Read a case and set what is overridden.
 
     Parameters
     ----------
     path : path
-        Case file.
+        Case file, or ``-`` for standard input, where relative paths start in the working directory.
     overrides : iterable of str
         ``key=value`` with a dotted key, ``attachments.0.mass=2 kg`` in lists; the value is YAML.
+    text : str, optional
+        What `case_text` read there before.
 
     Raises
     ------
@@ -35,45 +49,70 @@ def load_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
     OSError
         If the file cannot be read.
     """
-    from cablesim.build import build_scene
-
-    try:
-        with Path(path).open("rb"):
-            pass
-    except OSError as error:  # a file that cannot be read is not a case that is wrong
-        raise OSError(f"{path}: {error.strerror or error}. Name a case file (YAML).") from None
-    overrides = tuple(overrides)
-    if not overrides:
-        from cablesim.case import load_case
-
-        return build_scene(load_case(path))
-    text = _text_of(Path(path))
-    data, lines = read_yaml(text, str(path))
+    path, overrides = Path(path), tuple(overrides)
+    name = name_of(path)
+    data, lines = read_yaml(case_text(path) if text is None else text, name)
     for override in overrides if isinstance(data, dict) else ():
         set_value(data, override)
-    try:
-        return build_scene(Case.from_dict(data, directory=Path(path).resolve().parent))
-    except CaseError as error:
-        places = {path_text(location): line for location, line in lines.items()}
-        raise CaseError(
-            _placed(problem, str(path), places, overrides) for problem in error.problems
-        ) from None
+    place = Path.cwd() if path == STANDARD_INPUT else path.resolve().parent
+    with _blaming(overrides):
+        return Case.from_dict(data, directory=place, file=name, lines=lines)
 
 
-def _text_of(path: Path) -> str:
+def name_of(path: Path) -> str:
+    """What people call the source of a case."""
+    return "standard input" if path == STANDARD_INPUT else str(path)
+
+
+def case_text(path: Path) -> str:
+    """Text of a case file, or of standard input, which can be read once."""
     try:
-        return path.read_text(encoding="utf-8-sig")
+        raw = sys.stdin.buffer.read() if path == STANDARD_INPUT else path.read_bytes()
+    except OSError as error:  # a file that cannot be read is not a case that is wrong
+        raise OSError(f"{name_of(path)}: {error.strerror or error}. Name a case file (YAML).") from None
+    try:
+        return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
-        problem = Problem(path="", message="is not text in UTF-8", remedy="Name a case file.", file=str(path))
-        raise CaseError([problem]) from None
+        message, remedy = "is not text in UTF-8", "Name a case file."
+        raise CaseError([Problem(path="", message=message, remedy=remedy, file=name_of(path))]) from None
 
 
-def _placed(problem: Problem, file: str, places: dict[str, int], overrides: Sequence[str]) -> Problem:
-    """Say where a value stands: on a line of the file, or on the command line."""
+def files_read(case: Case) -> set[Path]:
+    """Files that a case names: any text in it that is the path of one, also before ``:name``."""
+    texts = set(_texts(case.model_dump(mode="json")))
+    candidates = texts | {text.rpartition(":")[0] for text in texts}
+    return {case.directory / text for text in candidates if text and _is_file(case.directory / text)}
+
+
+def _texts(data: Any) -> Iterator[str]:
+    if isinstance(data, str):
+        yield data
+    elif isinstance(data, dict | list):
+        for part in data.values() if isinstance(data, dict) else data:
+            yield from _texts(part)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # too long for a name, or with letters that no name has
+        return False
+
+
+@contextmanager
+def _blaming(overrides: Sequence[str]) -> Iterator[None]:
+    """Say of values from the command line that they stand there, and not on a line of the file."""
     keys = [path_text(_location(override.partition("=")[0])) for override in overrides]
-    if any(problem.path == key or problem.path.startswith((f"{key}.", f"{key}[")) for key in keys):
-        return replace(problem, file="--set", line=None)
-    return replace(problem, file=file, line=places.get(problem.path))
+
+    def placed(problem: Problem) -> Problem:
+        if any(problem.path == key or problem.path.startswith((f"{key}.", f"{key}[")) for key in keys):
+            return replace(problem, file="--set", line=None)
+        return problem
+
+    try:
+        yield
+    except CaseError as error:
+        raise CaseError(map(placed, error.problems)) from None
 
 
 def _location(key: str) -> tuple[str | int, ...]:

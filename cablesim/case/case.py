@@ -55,7 +55,14 @@ class Case(models.Part):
         return hash((type(self), self.to_yaml()))
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any], *, directory: str | Path | None = None) -> Case:
+    def from_dict(
+        cls,
+        data: Mapping[str, Any],
+        *,
+        directory: str | Path | None = None,
+        file: str | None = None,
+        lines: Mapping[Location, int] | None = None,
+    ) -> Case:
         """Make a case from plain data, as it would stand in a file.
 
         Parameters
@@ -64,6 +71,10 @@ class Case(models.Part):
             Keys and values of a case file.
         directory : path, optional
             Where relative paths in the case start; default: the working directory.
+        file : str, optional
+            Name of the file that the data comes from, for messages.
+        lines : mapping, optional
+            Line (from 1) of each part in that file, by its path as a tuple of keys and indices.
 
         Raises
         ------
@@ -71,7 +82,7 @@ class Case(models.Part):
             With everything that is wrong.
         """
         place = Path.cwd() if directory is None else Path(directory)
-        return cls._checked(data, Origin(directory=place, raw=data))
+        return cls._checked(data, Origin(directory=place, file=file, lines=lines, raw=data))
 
     @classmethod
     def from_yaml(cls, text: str, *, directory: str | Path | None = None, file: str | None = None) -> Case:
@@ -92,8 +103,7 @@ class Case(models.Part):
             With everything that is wrong, and the lines.
         """
         data, lines = read_yaml(text, file)
-        place = Path.cwd() if directory is None else Path(directory)
-        return cls._checked(data, Origin(directory=place, file=file, lines=lines, raw=data))
+        return cls.from_dict(data, directory=directory, file=file, lines=lines)
 
     @classmethod
     def _checked(cls, data: Any, origin: Origin) -> Case:

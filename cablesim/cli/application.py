@@ -1,12 +1,13 @@
 """The application: its exit codes, the arguments that commands share, and what a command is made with.
 
-Depends on: terminal, batch (imported when something goes wrong).
+Depends on: terminal; interrupts, batch (imported when something goes wrong).
 """
 
 from __future__ import annotations
 
 import _thread
 import functools
+import inspect
 import logging
 import sys
 from collections.abc import Callable
@@ -15,27 +16,31 @@ from typing import Annotated, Any
 
 import typer
 
-from cablesim.cli.terminal import odd_things_shown, say, show_log, tell
+from cablesim.cli.terminal import lost_output, odd_things_shown, say, show_log, tell
+from cablesim.interrupts import on_interrupt, raise_interrupt
+
+FILE_PROBLEM = 3
 
 EXIT_CODES = (
     "Exit codes: 0 all completed; 1 a run stopped before its end (the file with what was computed is "
     "written); 2 a case or the command line was refused; 3 a file could not be read or written; "
-    "130 interrupted by Ctrl-C (the file with what was computed is written)."
+    "130 interrupted by Ctrl-C, SIGTERM or SIGHUP (the file with what was computed is written)."
 )
 
 app = typer.Typer(
     help="Dynamics of tethers in water. A case file is trusted input: running it runs the controller that it "
     "names.",
     epilog=EXIT_CODES,
-    add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
 
-CasePath = Annotated[Path, typer.Argument(metavar="CASE", help="Case file (YAML).")]
-CasePaths = Annotated[list[Path], typer.Argument(metavar="CASE...", help="Case files (YAML).")]
+CasePath = Annotated[Path, typer.Argument(metavar="CASE", help="Case file (YAML); - for standard input.")]
+CasePaths = Annotated[
+    list[Path], typer.Argument(metavar="CASE...", help="Case files (YAML); - for standard input.")
+]
 ResultPath = Annotated[Path, typer.Argument(metavar="RESULT", help="Result file (netCDF).")]
 Overrides = Annotated[
     list[str] | None,
@@ -45,6 +50,11 @@ Overrides = Annotated[
         help="Change a value of the case, e.g. simulation.relative_tolerance=1e-5; repeatable.",
     ),
 ]
+Force = Annotated[
+    bool,
+    typer.Option("--force", help="Replace also a file that is no earlier result of the same case or result."),
+]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Also show the log of the program's work.")]
 
 
 def _show_version(wanted: bool) -> None:
@@ -66,8 +76,35 @@ def _application(
 
 
 def command(function: Callable[..., None]) -> Callable[..., None]:
-    """Make a function a command of the application."""
-    return app.command(epilog=EXIT_CODES)(_guarded(function))
+    """Make a function a command of the application, with an option that shows the whole log.
+
+    Whatever it raises becomes a message and an exit code.
+    """
+
+    @functools.wraps(function)
+    def guarded(*args: Any, verbose: bool = False, **kwargs: Any) -> None:
+        show_log(quiet=kwargs.get("quiet", False), verbose=verbose)
+        sys.unraisablehook = _pass_over
+        try:
+            with odd_things_shown(), on_interrupt(raise_interrupt):
+                function(*args, **kwargs)
+            code = 0
+        except typer.Exit as leaving:
+            code = leaving.exit_code
+        except (Exception, KeyboardInterrupt) as error:
+            code = _explain(error)
+        lost = lost_output()
+        if lost:
+            tell(lost, style="red")
+            code = max(code, FILE_PROBLEM)
+        raise typer.Exit(code)
+
+    signature = inspect.signature(function, eval_str=True)
+    option = inspect.Parameter("verbose", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Verbose)
+    parameters = [*signature.parameters.values(), option]
+    guarded.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    guarded.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return app.command(epilog=EXIT_CODES)(guarded)
 
 
 def _pass_over(failure: Any) -> None:
@@ -77,36 +114,15 @@ def _pass_over(failure: Any) -> None:
     logging.getLogger("cablesim").debug("%s", failure.exc_value)
 
 
-def _guarded(command: Callable[..., None]) -> Callable[..., None]:
-    """Turn whatever a command raises into a message and an exit code."""
-
-    @functools.wraps(command)
-    def guarded(*args: Any, **kwargs: Any) -> None:
-        show_log(quiet=kwargs.get("quiet", False))
-        sys.unraisablehook = _pass_over
-        try:
-            with odd_things_shown():
-                command(*args, **kwargs)
-        except (typer.Exit, BrokenPipeError):
-            raise
-        except (Exception, KeyboardInterrupt) as error:
-            _leave(error)
-
-    return guarded
-
-
-def _leave(error: BaseException) -> None:
-    """Say what went wrong and end with its exit code."""
+def _explain(error: BaseException) -> int:
+    """Say what went wrong; returns its exit code."""
     from cablesim.batch import explain_failure
 
     outcome, _, message = explain_failure(error)
-    if type(error).__name__ in (
-        "ExportError",
-        "PlotError",
-        "SensorError",
-    ):  # about a file; their modules are slow to import
+    # about a file; the modules of these are slow to import
+    if type(error).__name__ in ("ExportError", "PlotError", "SensorError"):
         outcome, message = outcome.FILE_PROBLEM, str(error)
     if isinstance(error, KeyboardInterrupt):
         message = "interrupted"
     tell(message, style="red")
-    raise typer.Exit(int(outcome))
+    return int(outcome)

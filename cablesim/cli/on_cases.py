@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cablesim.cli import tables
-from cablesim.cli.application import CasePath, CasePaths, Overrides, command
+from cablesim.cli.application import CasePath, CasePaths, Force, Overrides, command
 from cablesim.cli.progress import watcher
 from cablesim.cli.terminal import say, table, tell, warn
 
@@ -55,19 +55,20 @@ def new(
 @command
 def validate(cases: CasePaths) -> None:
     """Check cases and list everything that is wrong with each."""
-    from cablesim.batch import explain_failure, load_scene
+    from cablesim.batch import explain_failure, load_scene, name_of
 
     worst = 0
     for path in cases:
+        name = name_of(path)
         try:
             scene = load_scene(path)
         except Exception as error:
             outcome, _, message = explain_failure(error)
             worst = max(worst, int(outcome))
-            tell(message if str(path) in message else f"{path}: {message}")
+            tell(message if name in message else f"{name}: {message}")
         else:
-            warn(*(f"{path}: {text}" for text in scene.warnings))
-            say(f"{path}: ok")
+            warn(*(f"{name}: {text}" for text in scene.warnings))
+            say(f"{name}: ok")
     raise typer.Exit(worst)
 
 
@@ -97,18 +98,17 @@ def statics(
     case: CasePath,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Also write it to this file.")] = None,
     overrides: Overrides = None,
+    force: Force = False,
 ) -> None:
     """Find the rest shape of a case, its ends held where they are at t = 0."""
     from dataclasses import replace
 
-    from cablesim.batch import load_scene, write_result
-    from cablesim.files import check_writable
+    from cablesim.batch import load_scene, plan_statics, write_result
     from cablesim.plausibility import warnings_of
     from cablesim.scene import EquilibriumShape, StartShape
 
-    if output is not None:
-        check_writable(output)
-    scene = load_scene(case, overrides or ())
+    planned = None if output is None else plan_statics(case, output, overrides or (), force=force)
+    scene = load_scene(case, overrides or (), None if planned is None else planned.text)
     if not isinstance(scene.initial, EquilibriumShape):
         guess = scene.initial.polyline if isinstance(scene.initial, StartShape) else None
         scene = replace(scene, initial=EquilibriumShape(guess=guess))
@@ -119,9 +119,9 @@ def statics(
         shown.add_row(name, value)
     say(shown)
     warn(*warnings_of(rest))
-    if output is not None:
-        write_result(rest, output)
-        say(f"{output} written")
+    if planned is not None:
+        write_result(rest, planned.product())
+        say(f"{planned.file} written")
 
 
 @command
@@ -132,13 +132,14 @@ def run(
     ] = Path("."),
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Cases computed side by side.")] = 1,
     overrides: Overrides = None,
+    force: Force = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Only say what went wrong.")] = False,
 ) -> None:
     """Run cases; each writes <case>.nc, also when it stops early."""
     from cablesim.batch import plan_runs, run_all
 
-    runs = plan_runs(cases, output, overrides or ())
-    with watcher([case.stem for case in cases], quiet=quiet) as told:
+    runs = plan_runs(cases, output, overrides or (), force=force)
+    with watcher([run.file.stem for run in runs], quiet=quiet) as told:
         summaries = run_all(runs, jobs, told)
     if len(summaries) > 1 and not quiet:
         say(tables.summary_table(summaries))
@@ -148,20 +149,22 @@ def run(
 @command
 def schema(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Default: standard output.")] = None,
+    force: Force = False,
 ) -> None:
     """Write the JSON Schema of case files, for editors."""
     import json
 
     from cablesim.case import case_schema
-    from cablesim.files import check_writable, replacing
+    from cablesim.files import Product, replacing
 
-    text = json.dumps(case_schema(), indent=2, ensure_ascii=False)
     if output is None:
-        say(text)
+        say(json.dumps(case_schema(), indent=2, ensure_ascii=False))
         return
-    check_writable(output)
+    product = Product(output, "cablesim schema --output")
+    product.check(force=force)
+    marked = {"$comment": product.mark, **case_schema()}
     with replacing(output) as part:
-        part.write_text(text + "\n", encoding="utf-8")
+        part.write_text(json.dumps(marked, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     say(f"{output} written")
 
 

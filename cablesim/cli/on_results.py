@@ -5,17 +5,20 @@ Depends on: application, terminal; what draws and writes, imported when a comman
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cablesim.cli.application import ResultPath, command
+from cablesim.cli.application import Force, ResultPath, command
 from cablesim.cli.terminal import say
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from cablesim.files import Product
 
 
 class Format(StrEnum):
@@ -45,19 +48,17 @@ def plot(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Picture (png, pdf, svg); default: <result>.png")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Draw shapes, tensions and distances of a result."""
-    from cablesim.files import OutputError, check_writable, replacing
+    from cablesim.files import replacing
     from cablesim.plot import plot_run
 
     output = Path(f"{result.stem}.png") if output is None else output
-    check_writable(output)
+    product = _product(output, "plot", result, force=force, endings=(".png", ".pdf", ".svg"))
     figure = plot_run(_read_result(result))
-    kinds = figure.canvas.get_supported_filetypes()
-    if output.suffix[1:].lower() not in kinds:
-        raise OutputError(f"cannot write {output}: its name must end in one of {', '.join(sorted(kinds))}.")
     with replacing(output) as part:
-        figure.savefig(part)
+        figure.savefig(part, metadata={"Creator": product.mark})
     say(f"{output} written")
 
 
@@ -67,18 +68,17 @@ def report(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="HTML file; default: <result>.html")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Write a result as one HTML file: moving picture, lines against time, key numbers, case."""
-    from cablesim.files import OutputError, check_writable, replacing
+    from cablesim.files import replacing
     from cablesim.report import write_report
 
     output = Path(f"{result.stem}.html") if output is None else output
-    if output.suffix.lower() not in (".html", ".htm"):
-        raise OutputError(f"cannot write {output}: its name must end in .html.")
-    check_writable(output)
+    product = _product(output, "report", result, force=force, endings=(".html",))
     dataset = _read_result(result)
     with replacing(output) as part:
-        write_report(dataset, part)
+        write_report(dataset, part, generator=product.mark)
     say(f"{output} written ({output.stat().st_size / 1e6:.1f} MB); open it in a browser")
 
 
@@ -92,16 +92,17 @@ def animate(
         float | None, typer.Option(help="Pictures per second of film; default 25, for a GIF 10.")
     ] = None,
     speed: Annotated[float, typer.Option(help="Simulated seconds per second of film.")] = 1.0,
+    force: Force = False,
 ) -> None:
     """Write a result as a film of the cable in space, with tensions and distances beside it."""
     from cablesim import animation
-    from cablesim.files import check_writable, replacing
+    from cablesim.files import replacing
 
     output = Path(f"{result.stem}.mp4") if output is None else output
-    check_writable(output)
+    product = _product(output, "animate", result, force=force, endings=animation.FPS)
     dataset = _read_result(result)
     with replacing(output) as part:
-        count = animation.animate(dataset, part, fps=fps, speed=speed)
+        count = animation.animate(dataset, part, fps=fps, speed=speed, comment=product.mark)
     say(f"{output} written, {count} pictures")
 
 
@@ -112,18 +113,18 @@ def export(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder; default: <result>_<format>, made if needed")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Write a result as tables (csv) or as polylines for ParaView (vtk)."""
     from cablesim.export import export_csv, export_vtk
-    from cablesim.files import check_folder, filling
+    from cablesim.files import Product, check_folder
 
     folder = Path(f"{result.stem}_{format}") if output is None else output
     check_folder(folder)
     dataset = _read_result(result)
-    with filling(folder):
-        files = (
-            export_csv(dataset, folder) if format is Format.CSV else export_vtk(dataset, folder, result.stem)
-        )
+    product = Product.of(folder, "export", result, "--format", str(format))
+    with product.filling(dataset.attrs, force=force) as part:
+        files = export_csv(dataset, part) if format is Format.CSV else export_vtk(dataset, part, result.stem)
     what = (
         f"{files[0].name} and {len(files) - 1} more" if len(files) > 6 else ", ".join(f.name for f in files)
     )
@@ -147,24 +148,39 @@ def imu(
     csv: Annotated[
         Path | None, typer.Option("--csv", help="Folder for a table of each sensor too, made if needed")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Write what the IMUs of a result's case would read."""
     from cablesim.batch import write_result
-    from cablesim.files import check_folder, check_writable, filling
+    from cablesim.files import Product, check_folder
     from cablesim.sensors import export_imu_csv, imu_signals
 
     output = Path(f"{result.stem}_imu.nc") if output is None else output
-    check_writable(output)
+    choices = {"--rate": f"{rate:g}", "--frame": frame, "--errors": errors, "--seed": str(seed)}
+    options = [word for choice in choices.items() for word in choice]
+    product = _product(output, "imu", result, *options, force=force, endings=(".nc",))
     if csv is not None:
         check_folder(csv)
     chosen = None if errors is ImuErrorPreset.NONE else str(errors)
     signals = imu_signals(_read_result(result), rate=rate, frame=str(frame), errors=chosen, seed=seed)
-    write_result(signals, output)
+    write_result(signals, product)
     say(f"{output}: {signals.sizes['imu']} sensors, {signals.sizes['time']} samples written")
     if csv is not None:
-        with filling(csv):
-            files = export_imu_csv(signals, csv)
+        with Product.of(csv, "imu", result, *options).filling(signals.attrs, force=force) as part:
+            files = export_imu_csv(signals, part)
         say(f"{csv}: {', '.join(file.name for file in files)} written")
+
+
+def _product(
+    output: Path, command: str, result: Path, *options: str, force: bool, endings: Iterable[str]
+) -> Product:
+    """Check that a command can write what it makes of a result, and nothing is lost by it."""
+    from cablesim.files import Product, check_ending
+
+    check_ending(output, endings)
+    product = Product.of(output, command, result, *options)
+    product.check({result: f"cablesim {command}"}, force=force)
+    return product
 
 
 def _read_result(path: Path) -> xr.Dataset:

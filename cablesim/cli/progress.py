@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @contextmanager
 def watcher(names: Sequence[str], *, quiet: bool) -> Iterator[Any]:
     """Make what shows the runs: with bars on a terminal."""
-    from cablesim.batch import Outcome, Watcher
+    from cablesim.batch import Outcome, Watcher, name_of
 
     bars = sys.stderr.isatty() and not quiet
     show = tell if bars and sys.stdout.isatty() else say  # above the bars, not across them
@@ -29,7 +29,7 @@ def watcher(names: Sequence[str], *, quiet: bool) -> Iterator[Any]:
         """Says how each run ended."""
 
         def finished(self, index: int, summary: RunSummary) -> None:
-            warn(*(f"{summary.case}: {text}" for text in summary.warnings))
+            warn(*(f"{name_of(summary.case)}: {text}" for text in summary.warnings))
             if not quiet:
                 show(result_line(summary))
             if summary.outcome is not Outcome.COMPLETED:

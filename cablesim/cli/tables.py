@@ -117,10 +117,13 @@ def _range(values: Any, unit: str) -> str:
 
 def result_line(summary: RunSummary) -> str:
     """Tell status, simulated time, wall time, real-time factor, work and file on one line."""
+    from cablesim.batch import name_of
+
+    name = name_of(summary.case)
     if summary.file is None:
-        return f"{summary.case}: {summary.status}"
+        return f"{name}: {summary.status}"
     return (
-        f"{summary.case}: {summary.status}, {summary.simulated_seconds:g} s in {summary.wall_seconds:.3g} s, "
+        f"{name}: {summary.status}, {summary.simulated_seconds:g} s in {summary.wall_seconds:.3g} s, "
         f"{summary.real_time_factor:.3g} x real time, {summary.residual_calls} residual calls, {summary.file}"
     )
 

@@ -1,21 +1,80 @@
 """Standard output and standard error: text, tables, the log and warnings.
 
 Depends on: nothing of ours.
+
+A reader of the output that went away (``| head``, a terminal that was closed) costs no result: what it
+would have read is dropped, and the command goes on.
 """
 
 from __future__ import annotations
 
+import errno
 import functools
 import logging
 import os
 import sys
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+
+class _Stream:
+    """A standard stream that keeps its first failure instead of raising it."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self.failure: OSError | None = None
+
+    def __getattr__(self, attribute: str) -> Any:
+        return getattr(getattr(sys, self._name), attribute)
+
+    def write(self, text: str) -> int:
+        with self._failing_quietly():
+            getattr(sys, self._name).write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with self._failing_quietly():
+            getattr(sys, self._name).flush()
+
+    @contextmanager
+    def _failing_quietly(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            self.failure = self.failure or error
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            with suppress(OSError):  # what is left in the stream's buffer must not fail again
+                os.dup2(nowhere, self.fileno())
+            os.close(nowhere)
+
+
+_STDOUT, _STDERR = _Stream("stdout"), _Stream("stderr")
+
+
+def open_closed_streams() -> None:
+    """Give a process that was started without standard streams some that lead nowhere.
+
+    Else the first file that it opens takes their place, and gets what libraries print.
+    """
+    for descriptor, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest descriptor that is free
+            setattr(sys, name, os.fdopen(descriptor, mode))
+
+
+def lost_output() -> str:
+    """What kept standard output from being written; nothing where its reader only went away."""
+    failure = _STDOUT.failure
+    if failure is None or failure.errno in (errno.EPIPE, errno.EIO):
+        return ""
+    return f"cannot write to standard output: {failure.strerror or failure}."
 
 
 @functools.cache
@@ -23,9 +82,9 @@ def console(*, stderr: bool = False) -> Console:
     """What prints to a stream; made once for each."""
     from rich.console import Console
 
-    stream = sys.stderr if stderr else sys.stdout
+    stream: Any = _STDERR if stderr else _STDOUT
     width = None if stream.isatty() else 1000  # a pipe has no edge at which to fold a table
-    return Console(stderr=stderr, width=width, highlight=False, markup=False, emoji=False, soft_wrap=True)
+    return Console(file=stream, width=width, highlight=False, markup=False, emoji=False, soft_wrap=True)
 
 
 def say(text: Any) -> None:
@@ -63,14 +122,13 @@ class _TerminalLog(logging.Handler):
             tell(text, style="dim")
 
 
-def show_log(*, quiet: bool = False) -> None:
+def show_log(*, quiet: bool = False, verbose: bool = False) -> None:
     """Show the library's log on standard error."""
     log = logging.getLogger("cablesim")
     for handler in [handler for handler in log.handlers if isinstance(handler, _TerminalLog)]:
         log.removeHandler(handler)
     log.addHandler(_TerminalLog())
-    debug = bool(os.environ.get("CABLESIM_DEBUG"))
-    log.setLevel(logging.DEBUG if debug else logging.WARNING if quiet else logging.INFO)
+    log.setLevel(logging.DEBUG if verbose else logging.WARNING if quiet else logging.INFO)
 
 
 def warn(*texts: str) -> None:

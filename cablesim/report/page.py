@@ -26,7 +26,7 @@ ELSEWHERE = ("case", ATTRIBUTE)
 """Attributes with a place of their own on the page."""
 
 
-def write_report(dataset: xr.Dataset, path: str | Path) -> None:
+def write_report(dataset: xr.Dataset, path: str | Path, *, generator: str = "cablesim") -> None:
     """Write a report of a run: one HTML file that needs nothing else.
 
     Parameters
@@ -35,6 +35,8 @@ def write_report(dataset: xr.Dataset, path: str | Path) -> None:
         Result of a run, with `position`.
     path : path
         File to write.
+    generator : str
+        What made the page, as the page itself says it to programs.
 
     Raises
     ------
@@ -43,16 +45,18 @@ def write_report(dataset: xr.Dataset, path: str | Path) -> None:
     OSError
         If the file cannot be written.
     """
-    Path(path).write_text(report_html(dataset), encoding="utf-8")
+    Path(path).write_text(report_html(dataset, generator=generator), encoding="utf-8")
 
 
-def report_html(dataset: xr.Dataset) -> str:
+def report_html(dataset: xr.Dataset, *, generator: str = "cablesim") -> str:
     """Text of the report that `write_report` writes.
 
     Parameters
     ----------
     dataset : Dataset
         Result of a run, with `position`.
+    generator : str
+        What made the page, as the page itself says it to programs.
 
     Raises
     ------
@@ -63,6 +67,7 @@ def report_html(dataset: xr.Dataset) -> str:
     thinning = choose_thinning(dataset)
     attributes = {str(name): str(value) for name, value in dataset.attrs.items()}
     return Template(_asset("template.html")).substitute(
+        generator=escape(generator),
         title=escape(attributes.get("title", "cable")),
         status=escape(attributes.get("status", "no status")),
         status_class="good" if attributes.get("status") == "completed" else "bad",
