@@ -245,7 +245,8 @@ class _Scene:
             # the last segment is the winch's when nodes before the outlet are on the drum
             segments = np.append(nodes[:-2], self._tension.shape[1] - 1)[: max(nodes.size - 1, 0)]
             self._cable.set_array(self._tension[index][segments])
-        for marks, places in ((self._ends, shape[[0, -1]]), (self._marks, self._places[index])):
+        ends = shape[[0, -1]] if nodes.size else np.full((2, 3), np.nan)
+        for marks, places in ((self._ends, ends), (self._marks, self._places[index])):
             for mark, place in zip(marks, places, strict=True):
                 _move(mark, place)
         for number, line in enumerate(self._triads):

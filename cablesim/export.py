@@ -1,6 +1,6 @@
 """Results as plain tables (CSV) and as polylines for ParaView (VTK XML).
 
-Depends on: nothing of ours; works on the dataset of a run.
+Depends on: results; works on the dataset of a run.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+
+from cablesim.results import check_whole, material_coordinates, missing_variable, segment_coordinates
 
 Array = NDArray[np.float64]
 
@@ -29,13 +31,6 @@ TABLES = {
 
 class ExportError(ValueError):
     """A result holds nothing that can be exported; the message says what is missing."""
-
-
-def missing_variable(dataset: xr.Dataset, name: str) -> str:
-    """Say that a result lacks a variable, and how to get it."""
-    if dataset.attrs.get("case") is None:
-        return f"The file holds no `{name}`; is it a result of cablesim?"
-    return f"The result holds no `{name}`: add it to output.variables in the case, or leave that list out."
 
 
 # CSV --------------------------------------------------------------------------------------------
@@ -63,10 +58,11 @@ def export_csv(dataset: xr.Dataset, directory: str | Path) -> list[Path]:
     Raises
     ------
     ExportError
-        If the result holds no table.
+        If the result holds no table, or not the whole cable.
     OSError
         If a file cannot be written.
     """
+    check_whole(dataset, ExportError)
     directory = Path(directory)
     files = []
     for dimensions, name in TABLES.items():
@@ -87,8 +83,11 @@ def _without_axis(variable: xr.DataArray) -> tuple[Hashable, ...]:
     return tuple(dimension for dimension in variable.dims if dimension != "axis")
 
 
+_COORDINATES = {"s": material_coordinates, "s_segment": segment_coordinates}
+
+
 def _index_columns(dataset: xr.Dataset, dimensions: tuple[str, ...]) -> dict[str, NDArray]:
-    """Time, place by number or name, and its material coordinate."""
+    """Time, place by number or name, and its material coordinate, which changes at the outlet of a winch."""
     sizes = [dataset.sizes[dimension] for dimension in dimensions]
     columns = {}
     for number, dimension in enumerate(dimensions):
@@ -98,7 +97,9 @@ def _index_columns(dataset: xr.Dataset, dimensions: tuple[str, ...]) -> dict[str
         columns[header] = _spread(values, sizes, number)
         for name, coordinate in dataset.coords.items():
             if coordinate.dims == (dimension,) and name != dimension:
-                columns[_header(str(name), coordinate)] = _spread(coordinate.values, sizes, number)
+                moving = _COORDINATES.get(str(name))
+                fixed = _spread(coordinate.values, sizes, number)
+                columns[_header(str(name), coordinate)] = moving(dataset).ravel() if moving else fixed
     return columns
 
 
@@ -158,10 +159,11 @@ def export_vtk(dataset: xr.Dataset, directory: str | Path, name: str = "cable") 
     Raises
     ------
     ExportError
-        If the result holds no positions.
+        If the result holds no positions, or not the whole cable.
     OSError
         If a file cannot be written.
     """
+    check_whole(dataset, ExportError)
     if "position" not in dataset:
         raise ExportError(missing_variable(dataset, "position"))
     directory = Path(directory)
@@ -182,9 +184,9 @@ def _polydata(dataset: xr.Dataset) -> Iterator[str]:
     point_data = {n: dataset[n] for n in ("velocity",) if n in dataset}
     velocity = {n: v.sel(axis=axes).transpose("time", "node", "axis").values for n, v in point_data.items()}
     tension = {n: dataset[n].transpose("time", "segment").values for n in ("tension",) if n in dataset}
-    s = {"s": dataset["s"].values} if "s" in dataset.coords else {}
+    s = material_coordinates(dataset)
     for index, places in enumerate(position):
-        points = {name: values[index] for name, values in velocity.items()} | s
+        points = {name: values[index] for name, values in velocity.items()} | {"s": s[index]}
         yield _document(places, points, {name: values[index] for name, values in tension.items()})
 
 

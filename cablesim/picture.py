@@ -1,6 +1,6 @@
 """What moving pictures of a run show: the places there are, bodies, IMU frames, lines against time.
 
-Depends on: case, trajectory, plot, export; works on the dataset of a run.
+Depends on: case, trajectory, plot, results; works on the dataset of a run.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from cablesim.case import Case, CaseError
-from cablesim.export import missing_variable
 from cablesim.plot import PlotError, attachment_distances
+from cablesim.results import check_whole, material_coordinates, missing_variable
 from cablesim.trajectory.basis import local_basis
 
 Array = NDArray[np.float64]
@@ -81,24 +81,15 @@ def node_positions(dataset: xr.Dataset) -> Array:
     Raises
     ------
     PlotError
-        If the result holds no time, or no `position`.
+        If the result holds no time, no `position`, none that is a number, or not the whole cable.
     """
-    if "time" not in dataset.dims or dataset.sizes["time"] == 0:
-        raise PlotError("The file holds no times; is it a result of cablesim?")
+    check_whole(dataset, PlotError)
     if "position" not in dataset:
         raise PlotError(missing_variable(dataset, "position"))
-    return dataset["position"].transpose("time", "node", "axis").values
-
-
-def material_coordinates(dataset: xr.Dataset) -> Array:
-    """Unstretched coordinates s of the nodes (time, node) [m].
-
-    With a winch the last node is the outlet, so its coordinate is the deployed length.
-    """
-    s = np.tile(dataset["s"].values, (dataset.sizes["time"], 1))
-    if "deployed_length" in dataset:
-        s[:, -1] = dataset["deployed_length"].values
-    return s
+    places = dataset["position"].transpose("time", "node", "axis").values
+    if not there(places).any():
+        raise PlotError("The result holds no position that is a number: there is nothing to draw.")
+    return places
 
 
 def there(places: Array) -> NDArray[np.bool_]:
@@ -107,11 +98,11 @@ def there(places: Array) -> NDArray[np.bool_]:
 
 
 def tension_range(dataset: xr.Dataset) -> tuple[float, float] | None:
-    """Ends of a colour scale for the tension [N]; None without `tension`.
+    """Ends of a colour scale for the tension [N]; None without `tension`, or where none is a number.
 
     The scale leaves out 0.5 % at either end, so that a spike does not make all the rest one colour.
     """
-    if "tension" not in dataset:
+    if "tension" not in dataset or not bool(dataset["tension"].notnull().any()):
         return None
     low, high = np.nanquantile(dataset["tension"].values, [_OUTLIERS, 1.0 - _OUTLIERS])
     return float(low), float(high)

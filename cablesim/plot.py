@@ -1,6 +1,6 @@
 """Draws a run: shapes, tensions and distances between attachments (matplotlib, imported when asked for).
 
-Depends on: nothing of ours; works on the dataset of a run.
+Depends on: results; works on the dataset of a run.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from cablesim.export import missing_variable
+from cablesim.results import check_whole, missing_variable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,11 +70,10 @@ def plot_run(dataset: xr.Dataset) -> Figure:
     Raises
     ------
     PlotError
-        If matplotlib is missing, or the result holds nothing to draw.
+        If matplotlib is missing, or the result holds nothing to draw, or not the whole cable.
     """
     figure_class = _import_figure()
-    if "time" not in dataset.dims or dataset.sizes["time"] == 0:
-        raise PlotError("The file holds no times; is it a result of cablesim?")
+    check_whole(dataset, PlotError)
     if not {"position", "tension", "end_tension", "attachment_position"} & set(dataset.data_vars):
         raise PlotError(missing_variable(dataset, "position"))
     figure = figure_class(figsize=(16, 10), dpi=100, layout="constrained")
@@ -129,6 +128,19 @@ def _draw_shapes(part: Any, dataset: xr.Dataset) -> None:
     if "position" not in dataset:
         _note(part.subplots(), missing_variable(dataset, "position"))
         return
+    drawn = dataset.isel(time=np.flatnonzero(_is_somewhere(dataset)))
+    if drawn.sizes["time"] == 0:
+        _note(part.subplots(), "No position of the result is a number.")
+        return
+    _draw_views(part, drawn)
+
+
+def _is_somewhere(dataset: xr.Dataset) -> NDArray[np.bool_]:
+    """Whether any node has a place (time,)."""
+    return np.asarray(dataset["position"].notnull().all("axis").any("node").values)
+
+
+def _draw_views(part: Any, dataset: xr.Dataset) -> None:
     position = dataset["position"].transpose("time", "node", "axis").values
     shown = snapshot_indices(dataset["time"].values, position)
     views = _views(_there(position.reshape(-1, 3)))

@@ -13,7 +13,16 @@ from numpy.typing import NDArray
 
 from cablesim.scene import SavedState, Vector
 
-NEEDED = ("time", "s", "position", "velocity", "tension")
+NEEDED = {
+    "time": ("time",),
+    "s": ("node",),
+    "position": ("time", "node", "axis"),
+    "velocity": ("time", "node", "axis"),
+    "tension": ("time", "segment"),
+}
+"""Variables of a file that holds states -> their dimensions."""
+
+STATE = ("position", "velocity", "tension")
 
 
 class SavedStateError(ValueError):
@@ -54,15 +63,30 @@ def read_saved_state(path: str | Path, time: float | None) -> SavedState:
                     f"{path}: holds no {', '.join(missing)}; keep position, velocity and tension in the "
                     "'output.variables' of the run that starts another."
                 )
+            _check_whole(path, file)
             index = _index_of(path, np.asarray(file["time"][:]), time)
             # missing numbers are masked, whatever stands for them in the file
-            values = {name: np.ma.filled(file[name][index].astype(float), np.nan) for name in NEEDED[2:]}
+            values = {name: np.ma.filled(file[name][index].astype(float), np.nan) for name in STATE}
             arc = _arc(path, file, index, values["position"])
     except OSError as error:
         raise SavedStateError(
             f"{path}: cannot be read as netCDF ({error}); give a file that 'run' wrote."
         ) from error
     return _deployed(path, arc, **values)
+
+
+def _check_whole(path: str | Path, file: Any) -> None:
+    """Refuse what was selected from a result."""
+    found = {name: file[name].dimensions for name in NEEDED}
+    if found != NEEDED or len(file.dimensions["time"]) == 0:
+        raise SavedStateError(
+            f"{path}: holds no times, or not all dimensions of a result; give a whole result."
+        )
+    nodes, segments = len(file.dimensions["node"]), len(file.dimensions["segment"])
+    if nodes != segments + 1:
+        raise SavedStateError(
+            f"{path}: holds a part of a cable, {nodes} nodes and {segments} segments; give a whole result."
+        )
 
 
 def _index_of(path: str | Path, times: Vector, time: float | None) -> int:

@@ -54,6 +54,8 @@ def read_yaml(text: str, file: str | None = None) -> tuple[Any, dict[Location, i
         mark = error.problem_mark or error.context_mark
         message = " ".join(part.strip() for part in (error.context, error.problem) if part)
         raise CaseError([_no_yaml(message, file, None if mark is None else mark.line + 1)]) from None
+    except RecursionError:  # of the parser, which goes as deep as the text
+        raise CaseError([_no_yaml("nested too deeply", file, None)]) from None
     except YAMLError as error:
         raise CaseError([_no_yaml(str(error).splitlines()[0], file, None)]) from None
     if reader.problems:

@@ -185,13 +185,16 @@ def _product(
 
 def _read_result(path: Path) -> xr.Dataset:
     from cablesim.files import OutputError
+    from cablesim.results import check_whole
     from cablesim.trajectory.file import read
 
     if not path.is_file():
         what = "is a folder" if path.is_dir() else "does not exist"
         raise OutputError(f"{path} {what}. Name a result file, as `cablesim run` writes it.")
     try:
-        return read(path)
+        dataset = read(path)
     except Exception as error:  # netCDF4 and xarray raise many kinds for a damaged file
         reason = getattr(error, "strerror", None) or str(error).partition("\n")[0]
         raise OutputError(f"{path} cannot be read as a result (netCDF): {reason}.") from None
+    check_whole(dataset, OutputError)
+    return dataset

@@ -95,10 +95,15 @@ def scale_rows(simulation: Simulation) -> dict[str, str]:
 
 def rest_rows(simulation: Simulation, rest: xr.Dataset) -> dict[str, str]:
     """How a rest shape was found, its tensions and its lowest point."""
+    import numpy as np
+
+    from cablesim.results import material_coordinates
+
     initial = simulation.initial
-    position = rest["position"].isel(time=0).dropna("node").values
-    lowest = int(position[:, 2].argmin())
+    position = rest["position"].isel(time=0).values
+    lowest = int(np.nanargmin(position[:, 2]))
     place = ", ".join(f"{value:.4g}" for value in position[lowest])
+    s = material_coordinates(rest)[0, lowest]
     tension = rest["tension"].isel(time=0).dropna("segment").values
     return {
         "found by": f"{initial.rung.value}, {initial.iterations} Newton iterations",
@@ -106,7 +111,7 @@ def rest_rows(simulation: Simulation, rest: xr.Dataset) -> dict[str, str]:
         "tension at end A": f"{tension[0]:.4g} N",
         "tension at end B": f"{tension[-1]:.4g} N",
         "tension along the cable": _range(tension, "N"),
-        "lowest point": f"({place}) m, s = {simulation.mesh.nodes[lowest]:.4g} m",
+        "lowest point": f"({place}) m, s = {s:.4g} m",
     }
 
 

@@ -1,6 +1,6 @@
 """Key numbers of a run.
 
-Depends on: plot; works on the dataset of a run.
+Depends on: plot, results; works on the dataset of a run.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from cablesim.plot import attachment_distances
+from cablesim.results import material_coordinates, segment_coordinates
 
 Array = NDArray[np.float64]
 
@@ -51,7 +52,7 @@ def _duration(dataset: xr.Dataset) -> Fact:
 def _tension(dataset: xr.Dataset) -> list[Fact]:
     tension = dataset["tension"].transpose("time", "segment").values
     time, segment = np.unravel_index(np.nanargmax(tension), tension.shape)
-    where = f"s = {_number(dataset['s_segment'][segment])} m"
+    where = f"s = {_number(segment_coordinates(dataset)[time, segment])} m"
     detail = f"largest at {_number(dataset['time'][time])} s, {where}"
     return [Fact("Tension", (float(np.nanmin(tension)), float(np.nanmax(tension))), "N", detail)]
 
@@ -59,7 +60,9 @@ def _tension(dataset: xr.Dataset) -> list[Fact]:
 def _speed(dataset: xr.Dataset) -> list[Fact]:
     speed = np.linalg.norm(dataset["velocity"].transpose("time", "node", "axis").values, axis=2)
     time, node = np.unravel_index(np.nanargmax(speed), speed.shape)
-    detail = f"at {_number(dataset['time'][time])} s, s = {_number(dataset['s'][node])} m"
+    detail = (
+        f"at {_number(dataset['time'][time])} s, s = {_number(material_coordinates(dataset)[time, node])} m"
+    )
     return [Fact("Largest speed of a node", (float(speed[time, node]),), "m/s", detail)]
 
 

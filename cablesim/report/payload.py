@@ -1,6 +1,6 @@
 """The numbers that a report carries, in few bytes: base64 of little-endian 32-bit floats.
 
-Depends on: picture, export; works on the dataset of a run.
+Depends on: picture, results; works on the dataset of a run.
 """
 
 from __future__ import annotations
@@ -14,17 +14,16 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from cablesim.export import missing_variable
 from cablesim.picture import (
     Panel,
     bodies,
     energy_panel,
     imu_frames,
-    material_coordinates,
     node_positions,
     tension_range,
     time_panels,
 )
+from cablesim.results import material_coordinates, missing_variable
 
 MOST_NODES = 400
 """Nodes drawn; a longer list is thinned evenly, both ends kept."""

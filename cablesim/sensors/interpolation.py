@@ -26,7 +26,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from cablesim.export import missing_variable
+from cablesim.results import missing_variable
 from cablesim.sensors.problems import SensorError
 from cablesim.sensors.rotations import direction, dot
 

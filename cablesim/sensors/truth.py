@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from cablesim.export import missing_variable
+from cablesim.results import missing_variable
 from cablesim.sensors.imu import AXES
 from cablesim.sensors.interpolation import follow_points, linear_along, locate, quintic, read_nodes
 from cablesim.sensors.problems import SensorError
