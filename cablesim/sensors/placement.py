@@ -75,7 +75,7 @@ class Sensors:
     errors : ImuErrors or None
         ``None``: exact.
     memory : float
-        Of the velocities from them, see `outer_force` [s].
+        Of the velocities from them, which are drawn to that of the vehicle, see `outer_force` [s].
     """
 
     errors: ImuErrors | None = None
@@ -128,6 +128,8 @@ class StudyRun:
         Seconds of rest before the run, which the signals begin with but the errors do not count.
     still : bool
         Whether the run starts from rest.
+    vehicle_velocity : ndarray, shape (q', 3)
+        Velocity of end A at the times of the signals, which a vehicle knows from its own instruments [m/s].
     """
 
     name: str
@@ -136,6 +138,7 @@ class StudyRun:
     truth: Mapping[str, Array]
     rest: float
     still: bool
+    vehicle_velocity: Array
 
     @property
     def places(self) -> Array:
@@ -207,7 +210,10 @@ def prepare_run(
         "pull": true.pull(dataset, first, last, times).values,
     }
     before = rest if still else 0.0
-    return StudyRun(plant.name, believed, _after_rest(signals, before), truth, before, still)
+    signals = _after_rest(signals, before)
+    end_a = dataset["velocity"].isel(node=0).transpose("time", "axis").values
+    vehicle = [np.interp(signals["time"], dataset["time"], part) for part in end_a.T]
+    return StudyRun(plant.name, believed, signals, truth, before, still, np.stack(vehicle, axis=1))
 
 
 def _three_bodies(case: Case) -> Array:
@@ -313,7 +319,14 @@ def _errors(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SensorWarning)  # what they warn of is what is measured here
         shape = estimate_shape(signals, bodies[0], bodies[-1])
-        force = outer_force(signals, run.case, shape=shape, rest=rest, memory=memory)
+        force = outer_force(
+            signals,
+            run.case,
+            shape=shape,
+            rest=rest,
+            memory=memory,
+            vehicle_velocity=run.vehicle_velocity,
+        )
         opened = _opened_at_rest(run, signals, bodies[0], bodies[-1])
     arms = _by_arms(signals, bodies[0], ballast, bodies[-1])
     weighted = np.full(arms.shape, np.nan) if weights is None else weighted_distance(signals, weights).values
