@@ -305,3 +305,15 @@ def test_a_simulation_says_them_at_any_time() -> None:
     assert simulation.warnings == ()
     simulation.step(1.0, velocity_b=[3.2, 0.0, 0.0])
     assert any("cable.breaking_load" in sentence for sentence in simulation.warnings)
+
+
+GALLERY = sorted((Path(__file__).parents[1] / "cases").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("file", GALLERY, ids=lambda file: file.stem)
+def test_the_gallery_runs_without_any(file: Path) -> None:
+    given = cablesim.load_case(file)
+    kept = given.output.model_copy(update={"variables": ("closure_error",), "markers": ()})
+    dataset = cablesim.simulate(given.model_copy(update={"output": kept}))
+    assert dataset.attrs["status"] == "completed"
+    assert warnings_of(dataset) == ()

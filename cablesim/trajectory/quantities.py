@@ -322,7 +322,7 @@ class Quantities:
 
     @cached_property
     def winch_event_change(self) -> Array:
-        return np.array([event.change for event in self.history.events], dtype=np.int64)
+        return np.array([event.change for event in self.history.events], dtype=np.int32)
 
     @cached_property
     def winch_event_energy_change(self) -> Array:
