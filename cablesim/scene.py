@@ -34,7 +34,9 @@ class Cable:
     mass_per_length : float
         Dry mass per unstretched metre [kg/m].
     displaced_section : float
-        Displaced volume per unstretched metre [m2]; carries buoyancy and added mass.
+        Displaced volume per unstretched metre [m2]; carries buoyancy.
+    added_mass_section : float
+        Section on which the added mass is counted [m2].
     wet_weight : float
         Weight in water per unstretched metre [N/m], positive when the cable sinks.
     axial_stiffness, bending_stiffness : float
@@ -42,7 +44,7 @@ class Cable:
     drag_normal, drag_tangential : float
         Coefficients on d and on pi d (convention of MoorDyn and WHOI Cable).
     added_mass_normal, added_mass_tangential : float
-        Added mass per displaced mass, normal to and along the cable.
+        Added mass over the mass of water in that section, normal to and along the cable.
     structural_damping : float
         Kelvin-Voigt time tau of T + tau dT/dt [s].
     minimum_bend_radius, breaking_load : float or None
@@ -53,6 +55,7 @@ class Cable:
     diameter: float
     mass_per_length: float
     displaced_section: float
+    added_mass_section: float
     wet_weight: float
     axial_stiffness: float
     bending_stiffness: float

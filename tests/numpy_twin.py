@@ -118,10 +118,10 @@ def inertia_drag_and_weight(scene: Scene, mesh: Mesh, t: float, state: Unknowns,
 def per_metre(scene: Scene, tangent: Array, v: Array, a: Array, V_rate: Array, A: Array) -> Array:
     """Of bare cable with these tangents; v and a are relative to the water."""
     cable, rho = scene.cable, scene.water.density
-    fluid = rho * cable.displaced_section
+    around = rho * cable.added_mass_section
     (v_n, v_t), (a_n, a_t) = split(v, tangent), split(a, tangent)
-    rows = cable.mass_per_length * V_rate - fluid * A
-    rows += fluid * (cable.added_mass_normal * a_n + cable.added_mass_tangential * a_t)
+    rows = cable.mass_per_length * V_rate - rho * cable.displaced_section * A
+    rows += around * (cable.added_mass_normal * a_n + cable.added_mass_tangential * a_t)
     rows += 0.5 * rho * cable.drag_normal * cable.diameter * size(v_n) * v_n
     rows += 0.5 * rho * cable.drag_tangential * np.pi * cable.diameter * size(v_t) * v_t
     return rows + cable.wet_weight * np.array([0.0, 0.0, 1.0])

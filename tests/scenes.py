@@ -51,7 +51,8 @@ def cable(*, density: float = WATER, gravity: float = G, **changes: Any) -> Cabl
         "structural_damping": 1e-3,
     }
     values |= changes
-    values.setdefault("displaced_section", np.pi * values["diameter"] ** 2 / 4.0)
+    circle = np.pi * values["diameter"] ** 2 / 4.0
+    values = {"displaced_section": circle, "added_mass_section": circle} | values
     buoyancy = density * values["displaced_section"]
     values.setdefault("wet_weight", (values["mass_per_length"] - buoyancy) * gravity)
     return Cable(**values)

@@ -276,6 +276,18 @@ def test_neutral_cable_displaces_its_mass() -> None:
     assert cable.displaced_section == pytest.approx(1.257e-5)
 
 
+def test_added_mass_goes_with_the_outer_section() -> None:
+    """Cable 6 displaces two thirds of its circle; the water around it has all of the circle to go around."""
+    porous = {"diameter": 0.0035, "mass_per_length": 0.04467, "wet_weight": 0.376}
+    circle = math.pi * 0.0035**2 / 4
+    assert build_scene(cable_of(**porous)).cable.added_mass_section == pytest.approx(circle)
+    composite = cable_of(diameter=0.0035, displaced_section="5 mm^2")
+    assert build_scene(composite).cable.added_mass_section == pytest.approx(circle)
+    given = build_scene(cable_of(**porous, added_mass_section="8 mm^2")).cable
+    assert given.added_mass_section == pytest.approx(8e-6)
+    assert given.wet_weight == 0.376
+
+
 def test_floating_cable() -> None:
     assert build_scene(cable_of(wet_weight=-0.1)).cable.displaced_section > 0.055 / 1000
 

@@ -507,10 +507,21 @@ def test_info_says_what_a_case_amounts_to():
     assert shown["current"].startswith("computed: profile")
     assert shown["cable, dry"] == "0.78 kg"
     assert shown["float, in water"] == f"{(0.05 - 1025 * 250e-6) * 9.81:.4g} N"
+    assert shown["section of added mass"].endswith("mm^2 (the outer section)")
     speed = (20e3 / 52e-3) ** 0.5
     assert shown["axial wave speed"].startswith(f"{speed:.4g} m/s")
     assert shown["highest mesh frequency"] == f"{speed / (3.141592653589793 * 0.05):.4g} Hz (axial)"
     assert {"tension", "velocity", "unknowns", "highest bending frequency"} <= set(shown)
+
+
+def test_info_says_which_section_carries_the_added_mass(sway):
+    text = Path(sway).read_text().replace("  diameter: 5 mm", "  diameter: 5 mm\n  wet_weight: 0.4418 N/m")
+    Path(sway).write_text(text)
+    shown = rows(call("info", sway).stdout)
+    assert shown["displaced section"] == "9.964 mm^2 (50.7 % of the outer section)"
+    assert shown["section of added mass"] == "19.63 mm^2 (the outer section)"
+    Path(sway).write_text(text.replace("  diameter:", "  added_mass_section: 9.964 mm^2\n  diameter:"))
+    assert rows(call("info", sway).stdout)["section of added mass"] == shown["displaced section"]
 
 
 def test_highest_mesh_frequency_is_that_of_a_chain(sway):

@@ -138,14 +138,27 @@ def test_horizontal_cable_sinks_at_its_terminal_velocity() -> None:
     assert np.abs(result.velocity.values[-1, :, :2]).max() < 1e-6
 
 
-def test_sinking_follows_the_exact_law_from_rest() -> None:
+POROUS = {"displaced_section": 1e-5}
+GIVEN = {"displaced_section": 1e-5, "added_mass_section": 3e-5}
+
+
+@pytest.mark.parametrize("sections", [{}, POROUS, GIVEN])
+def test_sinking_follows_the_exact_law_from_rest(sections: dict[str, float]) -> None:
     """v = v_end tanh(t/T) with T = (m + added mass) v_end / w."""
-    rope = cable()
+    rope = cable(**sections)
     start = straight([0.0, 0, 0], [1.0, 0, 0], 3.0)
-    case = scene(a=FREE, b=FREE, initial=start, current=STILL, attachments=[SPECK], relative_tolerance=1e-8)
+    case = scene(
+        rope=rope,
+        a=FREE,
+        b=FREE,
+        initial=start,
+        current=STILL,
+        attachments=[SPECK],
+        relative_tolerance=1e-8,
+    )
     result = run(case)
     terminal = np.sqrt(rope.wet_weight / (0.5 * 1000.0 * rope.drag_normal * rope.diameter))
-    slowness = (rope.mass_per_length + 1000.0 * rope.displaced_section) * terminal / rope.wet_weight
+    slowness = (rope.mass_per_length + 1000.0 * rope.added_mass_section) * terminal / rope.wet_weight
     wanted = -terminal * np.tanh(result.time.values / slowness)
     np.testing.assert_allclose(result.velocity.values[:, 7, 2], wanted, rtol=0, atol=1e-5 * terminal)
 

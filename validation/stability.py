@@ -172,6 +172,7 @@ class _Draft:
             diameter=size * diameter,
             mass_per_length=relative_density * self.density * section,
             displaced_section=section,
+            added_mass_section=section,
             wet_weight=(relative_density - 1.0) * self.density * section * GRAVITY,
             axial_stiffness=stiffness,
             bending_stiffness=self._bending_stiffness(stiffness, size * diameter),
@@ -614,8 +615,8 @@ def _node_masses(scene: Scene, dataset: xr.Dataset) -> Vector:
     """Mass with the normal added mass of each node [kg]."""
     cable, s = scene.cable, dataset.s.values
     length = 0.5 * (np.append(np.diff(s), 0.0) + np.append(0.0, np.diff(s)))
-    displaced = scene.water.density * cable.displaced_section * length
-    mass = cable.mass_per_length * length + cable.added_mass_normal * displaced
+    around = scene.water.density * cable.added_mass_section * length
+    mass = cable.mass_per_length * length + cable.added_mass_normal * around
     for body in scene.attachments:
         node = int(np.abs(s - body.position).argmin())
         mass[node] += body.mass + body.added_mass * scene.water.density * body.volume
@@ -625,8 +626,8 @@ def _node_masses(scene: Scene, dataset: xr.Dataset) -> Vector:
 def _softer_halves(scene: Scene, dataset: xr.Dataset) -> Vector:
     """By how much less the added mass of half a segment is along it than across [kg]."""
     cable = scene.cable
-    displaced = 0.5 * scene.water.density * cable.displaced_section * np.diff(dataset.s.values)
-    return (cable.added_mass_normal - cable.added_mass_tangential) * displaced
+    around = 0.5 * scene.water.density * cable.added_mass_section * np.diff(dataset.s.values)
+    return (cable.added_mass_normal - cable.added_mass_tangential) * around
 
 
 def _tangents(dataset: xr.Dataset) -> Vector:

@@ -227,6 +227,7 @@ def random_scene(seed: int) -> Scene:
         diameter=diameter,
         mass_per_length=1000 * section * relative,
         displaced_section=section * (relative if rng.random() < 0.3 else 1.0),
+        added_mass_section=section,
         wet_weight=0.0,
         axial_stiffness=10 ** rng.uniform(2.5, 6),
         bending_stiffness=bending,

@@ -25,6 +25,7 @@ def build_cable(review: Review) -> scene.Cable:
         diameter=given.diameter,
         mass_per_length=given.mass_per_length,
         displaced_section=section,
+        added_mass_section=added_mass_section(given),
         wet_weight=weight,
         axial_stiffness=given.axial_stiffness,
         bending_stiffness=given.bending_stiffness,
@@ -38,10 +39,20 @@ def build_cable(review: Review) -> scene.Cable:
     )
 
 
+def outer_section(cable: models.Cable) -> float:
+    """Section of the circle of the outer diameter [m2]."""
+    return math.pi * cable.diameter**2 / 4
+
+
+def added_mass_section(cable: models.Cable) -> float:
+    """Section on which the added mass is counted [m2]."""
+    return outer_section(cable) if cable.added_mass_section is None else cable.added_mass_section
+
+
 def _section_and_weight(review: Review) -> tuple[float, float]:
     """Displaced section [m2] and weight in water [N/m]; each follows from the other."""
     cable, density, gravity = review.case.cable, review.case.water.density, review.case.gravity
-    circle = math.pi * cable.diameter**2 / 4
+    circle = outer_section(cable)
     if cable.wet_weight is None:
         section = circle if cable.displaced_section is None else cable.displaced_section
         return section, (cable.mass_per_length - density * section) * gravity

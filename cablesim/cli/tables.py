@@ -53,13 +53,15 @@ def needs_rows(simulation: Simulation) -> dict[str, str]:
 
 
 def weight_rows(simulation: Simulation) -> dict[str, str]:
-    """Weights of cable and bodies, dry and in water."""
+    """Weights of cable and bodies, dry and in water, and the sections of weight and added mass."""
     scene = simulation.scene
     cable = scene.cable
     total, largest = cable.wet_weight * cable.length, abs(cable.wet_weight * cable.length)
     rows = {
         "cable, dry": f"{cable.mass_per_length * cable.length:.4g} kg",
         "cable, in water": f"{cable.wet_weight * cable.length:.4g} N ({cable.wet_weight:.4g} N/m)",
+        "displaced section": _section_text(cable.displaced_section, cable.diameter),
+        "section of added mass": _section_text(cable.added_mass_section, cable.diameter),
     }
     for body in scene.attachments:
         weight = (body.mass - scene.water.density * body.volume) * scene.gravity
@@ -70,6 +72,15 @@ def weight_rows(simulation: Simulation) -> dict[str, str]:
     return rows | {"all, in water": f"{total:.4g} N ({'sinks' if total > 0 else 'floats'})"}
 
 
+def _section_text(section: float, diameter: float) -> str:
+    """A section and what it is of the circle of the outer diameter."""
+    from math import pi
+
+    share = section / (pi * diameter**2 / 4)
+    of_circle = "the outer section" if abs(share - 1) < 1e-9 else f"{100 * share:.3g} % of the outer section"
+    return f"{1e6 * section:.4g} mm^2 ({of_circle})"
+
+
 def scale_rows(simulation: Simulation) -> dict[str, str]:
     """Wave speeds, and the highest frequencies of a chain of equal shortest segments."""
     from math import pi, sqrt
@@ -78,7 +89,7 @@ def scale_rows(simulation: Simulation) -> dict[str, str]:
 
     cable, shortest = simulation.scene.cable, float(simulation.mesh.lengths.min())
     axial = sqrt(cable.axial_stiffness / cable.mass_per_length)
-    added = cable.added_mass_normal * simulation.scene.water.density * cable.displaced_section
+    added = cable.added_mass_normal * simulation.scene.water.density * cable.added_mass_section
     scales = scene_scales(simulation.scene, simulation.model, simulation.initial.y)
     rows = {
         "tension": f"{scales.tension:.4g} N",

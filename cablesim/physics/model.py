@@ -317,16 +317,16 @@ def build_model(scene: Scene, mesh: Mesh, frame: Frame) -> CableModel:
 def _per_metre(scene: Scene) -> Array:
     """What a metre of bare cable has, shape (8,)."""
     cable, density = scene.cable, scene.water.density
-    displaced = density * cable.displaced_section
+    around = density * cable.added_mass_section
     row = np.empty(8)
     row[MASS] = cable.mass_per_length
-    row[ADDED_NORMAL] = cable.added_mass_normal * displaced
-    row[ADDED_TANGENTIAL] = cable.added_mass_tangential * displaced
+    row[ADDED_NORMAL] = cable.added_mass_normal * around
+    row[ADDED_TANGENTIAL] = cable.added_mass_tangential * around
     row[WET_WEIGHT] = cable.wet_weight
     row[DRAG_NORMAL] = 0.5 * density * cable.drag_normal * cable.diameter
     row[DRAG_TANGENTIAL] = 0.5 * density * cable.drag_tangential * np.pi * cable.diameter
     row[DRAG_POINT] = 0.0
-    row[FLUID_MASS] = displaced
+    row[FLUID_MASS] = density * cable.displaced_section
     return row
 
 

@@ -1,6 +1,6 @@
 """Who pulls on the V, vehicle or winch: from the distance of the buoys, or from the dynamics.
 
-Depends on: case, imu, problems, rotations, shape.
+Depends on: builders, case, imu, problems, rotations, shape.
 
 Two things are positive when the winch's side pulls more.  The paper's tension difference T_b - T_a is that
 of the tangential forces beyond the last body and before the first one; the paper relates it to the distance.
@@ -20,6 +20,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import lfilter
 
+from cablesim.builders.cable import added_mass_section, outer_section
 from cablesim.case import Case
 from cablesim.case import models as case_models
 from cablesim.sensors.imu import stored_case
@@ -307,11 +308,11 @@ def _cable_force(case: Case, s: Array, tangent: Array, acceleration: Array, velo
     if section is None and cable.wet_weight is not None and density > 0.0:
         section = (cable.mass_per_length - cable.wet_weight / case.gravity) / density
     if section is None:
-        section = 0.25 * np.pi * cable.diameter**2
+        section = outer_section(cable)
     along = np.einsum("tpc,tpc->tp", acceleration, tangent)[..., None] * tangent
     added = (
         density
-        * section
+        * added_mass_section(cable)
         * (cable.added_mass_normal * (acceleration - along) + cable.added_mass_tangential * along)
     )
     slip = np.einsum("tpc,tpc->tp", velocity, tangent)[..., None] * tangent

@@ -23,8 +23,9 @@ from cablesim.case.quantities import (
 class Cable(Part):
     """A homogeneous cable.
 
-    The displaced section carries buoyancy and added mass.  It follows from the diameter unless
-    `displaced_section` or the measured `wet_weight` is given (a porous rope's measured weight counts).
+    The displaced section carries buoyancy.  It follows from the diameter unless `displaced_section` or the
+    measured `wet_weight` is given (a porous rope's measured weight counts).  The added mass is that of the
+    water around the cable: it goes with the outer section unless `added_mass_section` is given.
     """
 
     length: Length = Field(
@@ -42,10 +43,14 @@ class Cable(Part):
         default=0.01, ge=0, description="tangential drag coefficient, on pi d [-]"
     )
     added_mass_normal: Number = Field(
-        default=1.0, ge=0, description="added mass per displaced mass, across the cable [-]"
+        default=1.0,
+        ge=0,
+        description="added mass over the mass of water in `added_mass_section`, across the cable [-]",
     )
     added_mass_tangential: Number = Field(
-        default=0.0, ge=0, description="added mass per displaced mass, along the cable [-]"
+        default=0.0,
+        ge=0,
+        description="added mass over the mass of water in `added_mass_section`, along the cable [-]",
     )
     structural_damping: Time = Field(
         default=1e-3, ge=0, description="Kelvin-Voigt time tau of T + tau dT/dt [s]; 0 is allowed but slow"
@@ -62,6 +67,12 @@ class Cable(Part):
     )
     displaced_section: Area | None = Field(
         default=None, ge=0, description="displaced volume per metre [m2]; default pi d^2/4"
+    )
+    added_mass_section: Area | None = Field(
+        default=None,
+        ge=0,
+        description="section on which the added mass is counted [m2]; default pi d^2/4, the outer one, also "
+        "of a porous or composite cable that displaces less",
     )
 
     @model_validator(mode="after")
