@@ -160,6 +160,16 @@ def end_velocity(end, t: float) -> Array:
 
 
 def water(scene: Scene, t: float, nodes: Array) -> tuple[Array, Array]:
+    """Velocity of the water and acceleration of its particles, dU/dt + (U.grad) U, at each node."""
+    U, rate = water_at(scene, t, nodes)
+    h = 1e-3  # [m]; along each axis the water is linear between its grid points
+    for axis, step in enumerate(h * np.eye(3)):
+        ahead, behind = (water_at(scene, t, nodes + sign * step)[0] for sign in (1.0, -1.0))
+        rate = rate + U[:, axis, None] * (ahead - behind) / (2.0 * h)
+    return U, rate
+
+
+def water_at(scene: Scene, t: float, nodes: Array) -> tuple[Array, Array]:
     """Velocity of the water and its rate at a fixed place, at each node."""
     current, still = scene.water.current, np.zeros_like(nodes)
     if isinstance(current, StillWater):

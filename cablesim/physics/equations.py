@@ -15,7 +15,7 @@ t           unit tangent q/|q|, from A to B
 l, l_ref    unstretched and reference length of a segment;  eps = T/EA
 Q           shear force (T_n, T_b of the paper) as a vector, eliminated
 tau         Kelvin-Voigt time, of stretching and of bending;  beta, kappa feedback of strain and closure
-U, A        velocity and acceleration of the water at a node
+U, A        velocity of the water at a node, and acceleration of the water particle there
 w           integrated place of end B
 ==========  ===========================================================================
 
@@ -159,18 +159,19 @@ def end_motion(breaks, coefficients, t, place, velocity):
 
 @numba.njit(cache=True, error_model="numpy")
 def bracket(axis, x):
-    """Left index and weight of the right neighbour for linear interpolation, ends held."""
-    if axis.size == 1 or x <= axis[0]:
-        return 0, 0.0
+    """Left index, weight of the right neighbour and its slope for linear interpolation, ends held."""
+    if axis.size == 1 or x < axis[0]:
+        return 0, 0.0, 0.0
     if x >= axis[-1]:
-        return axis.size - 2, 1.0
+        return axis.size - 2, 1.0, 0.0
     i = np.searchsorted(axis, x, side="right") - 1
-    return i, (x - axis[i]) / (axis[i + 1] - axis[i])
+    slope = 1.0 / (axis[i + 1] - axis[i])
+    return i, (x - axis[i]) * slope, slope
 
 
 @numba.njit(cache=True, error_model="numpy")
 def water_motion(kind, t, place, p, velocity, acceleration):
-    """Velocity and local acceleration of the water at one place."""
+    """Velocity U of the water at one place, and acceleration dU/dt + (U.grad) U of the particle there."""
     times, x, y, z = p.current_times, p.current_x, p.current_y, p.current_z
     table = p.current_velocity
     velocity[:] = 0.0
@@ -178,26 +179,36 @@ def water_motion(kind, t, place, p, velocity, acceleration):
     if kind == UNIFORM:
         velocity[:] = table[0, 0, 0, 0]
     elif kind == PROFILE:
-        k, wz = bracket(z, place[place.size - 1])
-        velocity[:] = (1.0 - wz) * table[0, 0, 0, k] + wz * table[0, 0, 0, min(k + 1, z.size - 1)]
+        k, w, slope = bracket(z, place[place.size - 1])
+        below, above = table[0, 0, 0, k], table[0, 0, 0, min(k + 1, z.size - 1)]
+        velocity[:] = (1.0 - w) * below + w * above
+        acceleration[:] = velocity[velocity.size - 1] * slope * (above - below)
     elif kind == GRIDDED:
-        n, wt = bracket(times, t)
-        i, wx = bracket(x, place[0])
-        j, wy = bracket(y, place[1])
-        k, wz = bracket(z, place[2])
-        inside = times.size > 1 and times[0] <= t < times[-1]
-        rate = 1.0 / (times[n + 1] - times[n]) if inside else 0.0
-        for corner in range(16):
-            dn, di, dj, dk = corner & 1, (corner >> 1) & 1, (corner >> 2) & 1, corner >> 3
-            weight = (wx if di else 1.0 - wx) * (wy if dj else 1.0 - wy) * (wz if dk else 1.0 - wz)
-            u = table[
-                min(n + dn, times.size - 1),
-                min(i + di, x.size - 1),
-                min(j + dj, y.size - 1),
-                min(k + dk, z.size - 1),
-            ]
-            velocity += weight * (wt if dn else 1.0 - wt) * u
-            acceleration += weight * (rate if dn else -rate) * u
+        n, wt, st = bracket(times, t)
+        i, wx, sx = bracket(x, place[0])
+        j, wy, sy = bracket(y, place[1])
+        k, wz, sz = bracket(z, place[2])
+        for convective in (False, True):  # the velocity takes part in the acceleration
+            for corner in range(16):
+                dn, di, dj, dk = corner & 1, (corner >> 1) & 1, (corner >> 2) & 1, corner >> 3
+                at, ax = (wt if dn else 1.0 - wt), (wx if di else 1.0 - wx)
+                ay, az = (wy if dj else 1.0 - wy), (wz if dk else 1.0 - wz)
+                u = table[
+                    min(n + dn, times.size - 1),
+                    min(i + di, x.size - 1),
+                    min(j + dj, y.size - 1),
+                    min(k + dk, z.size - 1),
+                ]
+                if not convective:
+                    for c in range(velocity.size):
+                        velocity[c] += at * ax * ay * az * u[c]
+                else:
+                    rate = (st if dn else -st) * ax * ay * az
+                    rate += velocity[0] * at * (sx if di else -sx) * ay * az
+                    rate += velocity[1] * at * ax * (sy if dj else -sy) * az
+                    rate += velocity[2] * at * ax * ay * (sz if dk else -sz)
+                    for c in range(velocity.size):
+                        acceleration[c] += rate * u[c]
 
 
 @contextlib.contextmanager
@@ -238,7 +249,6 @@ def compile_equations(features: Features) -> Equations:
     LOWER, UPPER = StateLayout(D, 1).bandwidths(bending=BENDING)
     MOVING_WATER = CURRENT != STILL
     NEEDS_PLACE = CURRENT in (PROFILE, GRIDDED)
-    UNSTEADY = CURRENT == GRIDDED
 
     def build(JACOBIAN):
         def assemble(t, y, yp, c_j, out, base, si, sj, buffer):
@@ -492,7 +502,7 @@ def compile_equations(features: Features) -> Equations:
                         row = mass * yp[iv + c] + added * a[c]
                         if POINT_DRAG:
                             row += k_p * speed * v[c]
-                        if UNSTEADY:
+                        if NEEDS_PLACE:  # the undisturbed water would accelerate what it fills
                             row -= (p.bodies[j, FLUID_MASS] + lbar * fluid) * A[c]
                         out[iv + c] += row
                     out[iv + D - 1] += p.bodies[j, WET_WEIGHT] + lbar * weight

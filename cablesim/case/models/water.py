@@ -66,7 +66,11 @@ Current = Annotated[
 
 
 class Water(Part):
-    """The water around the cable."""
+    """The water around the cable.
+
+    Water that differs from place to place or in time accelerates cable and bodies in it: Morison's equation
+    with the acceleration dU/dt + (U.grad) U of the undisturbed water where they are.
+    """
 
     density: Density = Field(default=1000.0, ge=0, description="density [kg/m3]; 0 means vacuum")
     surface: Length | None = Field(
