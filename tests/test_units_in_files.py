@@ -12,7 +12,7 @@ import pytest
 from cablesim import CaseError
 from cablesim.build import build_scene
 from cablesim.case import Case
-from cablesim.recording import RecordingError, read_lengths, read_markers, read_recording
+from cablesim.recording import RecordingError, read_columns, read_lengths, read_markers, read_recording
 from cablesim.scene import GriddedCurrent
 
 TIMES = np.arange(8.0)
@@ -148,11 +148,26 @@ def test_maps_of_another_kind_are_refused(tmp_path: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("format", ["auto", "csv"])
+@pytest.mark.parametrize("format", ["auto", "csv", "qtm"])
 def test_recordings_of_another_kind_are_refused(tmp_path: Path, kind: str, format: str) -> None:
     (tmp_path / "motion.csv").write_bytes(KINDS[kind])
     with pytest.raises(RecordingError, match=f"{kind}, not a table of text; export it as CSV"):
-        read_recording(tmp_path / "motion.csv", time_column="t", format=format)
+        read_recording(tmp_path / "motion.csv", time_column=None if format == "qtm" else "t", format=format)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_other_tables_of_another_kind_are_refused(tmp_path: Path, kind: str) -> None:
+    (tmp_path / "table.csv").write_bytes(KINDS[kind])
+    with pytest.raises(RecordingError, match=f"{kind}, not a table of text"):
+        read_markers(tmp_path / "table.csv", arc_column="s")
+    with pytest.raises(RecordingError, match=f"{kind}, not a table of text"):
+        read_columns(tmp_path / "table.csv", ["speed", "gap"])
+
+
+def test_markers_in_netcdf_are_refused(tmp_path: Path) -> None:
+    write_netcdf(tmp_path / "markers.csv")
+    with pytest.raises(RecordingError, match="an HDF5 or netCDF file, not a table of text"):
+        read_markers(tmp_path / "markers.csv", arc_column="s")
 
 
 def write_netcdf(path: Path, *, position: str | None = None, time: str | None = "s") -> None:

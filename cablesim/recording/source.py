@@ -95,15 +95,12 @@ def existing(path: str | Path) -> Path:
 
 
 def file_format(path: Path, name: str) -> str:
-    """Return the format that is named, or for ``auto`` the one that the file has; refuse other kinds."""
+    """Return the format that is named, or for ``auto`` the one that the file has."""
     if name not in FORMATS:
         raise RecordingError(f"{path}: format {name!r} is unknown; choose one of {', '.join(FORMATS)}.")
     start = _first_bytes(path)
     if name == "netcdf" or (name == "auto" and start.startswith(_NETCDF_STARTS)):
         return "netcdf"
-    other = kind_of_binary(path)
-    if other is not None:
-        raise RecordingError(f"{path}: is {other}, not a table of text; export it as CSV or netCDF.")
     text = start.decode("utf-8-sig", errors="replace")
     return "qtm" if name == "qtm" or text.startswith(("NO_OF_FRAMES", "FILE_VERSION")) else "csv"
 
@@ -128,7 +125,10 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
 
 
 def text_lines(path: Path) -> list[str]:
-    """Lines of a text file."""
+    """Lines of a text file; refuse files of another kind."""
+    other = kind_of_binary(path)
+    if other is not None:
+        raise RecordingError(f"{path}: is {other}, not a table of text; export it as CSV.")
     return path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
 
 
