@@ -1,6 +1,7 @@
 """IMU signals where stored states fall on the instants at which nodes come and go at a winch."""
 
 import numpy as np
+import pytest
 from shapes import dataset as make_dataset
 from shapes import pendulum
 
@@ -31,10 +32,12 @@ output: {interval: 50 ms}
 """
 
 
-def test_no_sample_on_a_removal_spikes():
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_no_sample_on_a_removal_spikes(precision):
     """A heavy load on a light tether: an output time falls on a removal (5.3 s), a sensor just below it."""
-    data = cablesim.simulate(cablesim.Case.from_yaml(HANGING))
-    assert np.abs(data.winch_event_time - data.time).min() < 1e-9
+    text = HANGING.replace("interval: 50 ms", f"interval: 50 ms, precision: {precision}")
+    data = cablesim.simulate(cablesim.Case.from_yaml(text))
+    assert np.abs(data.winch_event_time - data.time).min() < 1e-6
     read = imu_signals(data, {"near": 2.98, "far": 0.5}, rate=100.0)
     start = int(np.searchsorted(read.time, 5.0))  # near the winch all is smooth from there to 5.5 s
     force = read.specific_force.values[start : start + 50]

@@ -32,7 +32,7 @@ from cablesim.sensors.rotations import direction, dot
 
 Array = NDArray[np.float64]
 
-_SAME_TIME = 1e-9  # between an event and a stored time that coincide [s]
+_SAME_TIME = 2e-7  # between an event and a stored time that coincide, of the time: also in single precision
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ def read_nodes(dataset: xr.Dataset) -> Nodes:
         if name not in dataset:
             raise SensorError(missing_variable(dataset, name))
     position, velocity, acceleration = (
-        dataset[name].transpose("time", "node", "axis").values
+        dataset[name].transpose("time", "node", "axis").values.astype(float, copy=False)
         for name in ("position", "velocity", "acceleration")
     )
     nodes = Nodes(dataset["time"].values, dataset["s"].values, (position, velocity, acceleration), None)
@@ -130,9 +130,9 @@ def _replace_restarts(times: Array, velocity: Array, acceleration: Array, events
     Where a node has just come out, and at the last stored time, a parabola's.  Four rounds, because the
     neighbours of a state may be stored at events too: what is wrong in one counts a quarter in the next.
     """
-    row = np.searchsorted(times, events - _SAME_TIME)
-    row = np.unique(row[(row > 0) & (row < times.size)])
-    row = row[np.abs(times[row, None] - events).min(axis=1, initial=np.inf) <= _SAME_TIME]
+    slack = _SAME_TIME * np.maximum(1.0, np.abs(events))
+    row = np.minimum(np.searchsorted(times, events - slack), times.size - 1)
+    row = np.unique(row[(row > 0) & (np.abs(times[row] - events) <= slack)])
     step = np.diff(times)[:, None, None]
     rise = np.diff(velocity, axis=0) / step
     for k in np.tile(row, 4):
