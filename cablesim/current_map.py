@@ -75,7 +75,7 @@ def _read_axis(data: Any, name: str, *, is_time: bool) -> Vector:
     values: Vector = np.ma.filled(np.ma.asarray(variable[:], dtype=float), np.nan).reshape(-1)
     if not np.isfinite(values).all():
         raise ValueError(f"the coordinate '{name}' holds values that are not finite")
-    unit, since, _ = str(getattr(variable, "units", "s" if is_time else "m")).partition(" since ")
+    unit, since, _ = str(getattr(variable, "units", "") or ("s" if is_time else "m")).partition(" since ")
     try:
         if is_time:
             return (values - values[0] if since else values) * time_factor(unit)
@@ -110,7 +110,7 @@ def _read_component(data: Any, name: str, names: Sequence[str], sizes: Sequence[
     values: Vector = np.ma.filled(np.ma.asarray(variable[:], dtype=float), np.nan)
     if not np.isfinite(values).all():
         raise ValueError(f"the variable '{name}' is not finite everywhere; fill the gaps first")
-    unit = str(getattr(variable, "units", "m/s"))
+    unit = str(getattr(variable, "units", "") or "m/s")
     try:
         values = values * speed_factor(unit)
     except UnitError:

@@ -66,6 +66,7 @@ def read_map(directory: Path, **names: str) -> GriddedCurrent:
         ("m s**-1", 1.0),
         ("knots", 1852 / 3600),
         ("meter second-1", 1.0),
+        ("", 1.0),
     ],
 )
 def test_velocities_in_the_units_of_the_map(tmp_path: Path, unit: str, factor: float) -> None:
@@ -133,6 +134,7 @@ KINDS = {
     "a PDF": b"%PDF-1.7\n%\xe2\xe3",
     "a MATLAB file": b"MATLAB 5.0 MAT-file, Platform: GLNXA64" + bytes(100),
     "a ROS bag": b"#ROSBAG V2.0\n" + bytes(20),
+    "text in UTF-16": "t,x,y,z\n0,0,0,0\n".encode("utf-16"),
     "a binary file": bytes(range(256)),
 }
 
@@ -184,7 +186,9 @@ def write_netcdf(path: Path, *, position: str | None = None, time: str | None = 
                 variable.units = unit
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("cm", 0.01), ("km", 1000.0), ("m", 1.0), (None, 1.0)])
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("cm", 0.01), ("km", 1000.0), ("m", 1.0), ("", 1.0), (None, 1.0)]
+)
 def test_positions_in_the_units_of_the_file(tmp_path: Path, unit: str | None, factor: float) -> None:
     write_netcdf(tmp_path / "motion.nc", position=unit)
     np.testing.assert_allclose(read_recording(tmp_path / "motion.nc")[1], factor * POSITIONS)
@@ -209,6 +213,7 @@ def test_a_unit_that_contradicts_the_file_is_refused(tmp_path: Path) -> None:
         ("h", 3600 * (TIMES + 100)),
         ("seconds since 2024-05-01 12:00", TIMES),
         ("days since 1970-01-01", 86400 * TIMES),
+        ("", TIMES + 100),
         (None, TIMES + 100),
     ],
 )
@@ -217,8 +222,9 @@ def test_times_in_the_units_of_the_file(tmp_path: Path, unit: str | None, expect
     np.testing.assert_allclose(read_recording(tmp_path / "motion.nc")[0], expected)
 
 
-def test_times_in_no_unit_of_time_are_refused(tmp_path: Path) -> None:
-    write_netcdf(tmp_path / "motion.nc", time="m")
+@pytest.mark.parametrize("unit", ["m", "months since 2024-01-01", "years", "3"])
+def test_times_in_no_unit_of_time_are_refused(tmp_path: Path, unit: str) -> None:
+    write_netcdf(tmp_path / "motion.nc", time=unit)
     with pytest.raises(RecordingError, match="in a unit of time"):
         read_recording(tmp_path / "motion.nc")
 

@@ -209,8 +209,10 @@ def time_factor(unit: str) -> float:
     Raises
     ------
     UnitError
-        If `unit` is no unit of time.
+        If `unit` is no unit of time, or one of no fixed length.
     """
+    if unit.lower().startswith(("month", "year")):
+        raise UnitError("is no time of fixed length", "Name one such as 's' or 'days'.")
     return _si_factor(unit, "s", "time", "'s' or 'h'")
 
 

@@ -54,7 +54,7 @@ def read_netcdf(
     else:
         times = _netcdf_times(path, dataset, time_column or dimension, dimension)
     said = [dataset[name].attrs.get("units") for name in columns]
-    units = tuple(None if unit is None else str(unit) for unit in said)
+    units = tuple(None if unit in (None, "") else str(unit) for unit in said)
     return Samples(times=times, values=values, places=places, units=units)
 
 
@@ -137,7 +137,7 @@ def _netcdf_times(path: Path, dataset: xarray.Dataset, name: str, dimension: str
             f"{path}: dimension {name!r} has no coordinate; give time_column or sample_interval."
         )
     variable = dataset[name]
-    unit, since, _ = str(variable.attrs.get("units", "s")).partition(" since ")
+    unit, since, _ = str(variable.attrs.get("units", "") or "s").partition(" since ")
     try:
         factor = time_factor(unit.strip())
     except UnitError:

@@ -33,6 +33,7 @@ _OTHER_KINDS = {
     b"MATLAB": "a MATLAB file",
     b"#ROSBAG": "a ROS bag",
     b"SQLite format 3": "a database, perhaps a ROS 2 bag",
+    b"\xff\xfe": "text in UTF-16",
     b"\x89HDF": "an HDF5 or netCDF file",
     b"CDF": "a netCDF file",
 }
