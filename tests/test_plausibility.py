@@ -160,8 +160,11 @@ def test_a_push_that_neither_stiffness_nor_weight_explains() -> None:
         "simulation": {"duration": 0.5, "skip": False},
     }
     only(after(**parts), "the cable pushes with", "cable.bending_stiffness")
-    stiff = {**parts["cable"], "bending_stiffness": 10.0}
-    assert after(**{**parts, "cable": stiff}) == ()
+    stiff = {**parts, "cable": {**parts["cable"], "bending_stiffness": 10.0}}
+    assert after(**stiff) == ()
+    fine = {"segment_length": 0.1, "refine": [{"at": 2.9, "within": 0.1, "segment_length": 0.01}]}
+    soft = {**parts, "cable": {**parts["cable"], "bending_stiffness": 2e-4}, "mesh": fine}
+    only(after(**soft), "the cable pushes with")  # the fine segments do not excuse the others
 
 
 def test_above_the_surface() -> None:

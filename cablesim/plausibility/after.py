@@ -16,6 +16,7 @@ from cablesim.trajectory.quantities import Quantities
 Array = NDArray[np.float64]
 
 _ROUNDING = 1e-6  # of the cable's length
+_NO_LENGTH = 1e-9  # [m]
 
 STRAIN = 0.05
 TURN = math.radians(45.0)
@@ -47,13 +48,12 @@ def _strain(run: Quantities) -> str | None:
 
 
 def _compression(run: Quantities) -> str | None:
-    """Buckling that the mesh resolves keeps a push below Euler's load of one segment."""
+    """Buckling that the mesh resolves keeps a push below Euler's load of a segment."""
     tension = _deployed(run, run.tension)
-    push, where = _largest(run, -tension)
-    shortest = float(run.mesh.lengths.min())
-    bending = math.pi**2 * run.scene.cable.bending_stiffness / shortest**2
-    explained = bending + _weight(run) + PUSH * max(float(np.nanmax(tension)), 0.0)
-    if push <= explained:
+    euler = math.pi**2 * run.scene.cable.bending_stiffness / np.maximum(run.lengths, _NO_LENGTH) ** 2
+    explained = euler + _weight(run) + PUSH * max(float(np.nanmax(tension)), 0.0)
+    push, where = _largest(run, np.where(-tension > explained, -tension, np.nan))
+    if push < 0:
         return None
     return (
         f"the cable pushes with {push:.3g} N ({where}), more than its bending stiffness and weight explain: "
