@@ -25,6 +25,7 @@ GALLERY = {"S1": "sway", "S3": "pendulum", "S3v": "pendulum_vacuum", "kinked V":
 FINE = {"segment_length": 0.05, "rtol": 1e-6}
 FINEST = {"segment_length": 0.0125, "rtol": 1e-6}
 
+COARSE_AT_KINKS = "meshes too coarse for the rate to show; it is 2.0 from 5 cm on"
 NEAR_THE_FREE_END = "the last markers near the free end once the cable hangs; it rises with refinement"
 
 # RMS of the markers from MoorDyn: scene, settings in words, until, bound [mm], settings
@@ -143,7 +144,7 @@ def main() -> None:
         evidence.claim(f"S3v, rtol {rtol:g}: change of energy over 3 s, of E(0)", relative, at_most=bound)
         evidence.claim(f"S3v, rtol {rtol:g}: the same, of the energy of the swing", of_swing)
     lengths = (0.2, 0.1, 0.05) if options.small else (0.2, 0.1, 0.05, 0.025, 0.0125)
-    for name, missed in (("S1", ""), ("S3", NEAR_THE_FREE_END), ("kinked V", "")):
+    for name, missed in (("S1", ""), ("S3", NEAR_THE_FREE_END), ("kinked V", COARSE_AT_KINKS)):
         for first, order in zip(lengths, orders(name, lengths), strict=False):
             text = f"order in space, {name}, {100 * first:g} cm and halved twice"
             evidence.claim(text, order, at_least=1.9, at_most=2.1, missed=missed)

@@ -135,6 +135,32 @@ def verdict(claim: dict[str, Any]) -> str:
     return f"{bounds(claim)}: {'met' if met(claim) else 'MISSED'}"
 
 
+def markdown(rows: list[dict[str, Any]]) -> str:
+    """Rows with the same keys as a table."""
+    if not rows:
+        return "(none)\n"
+    lines = [list(rows[0]), ["---"] * len(rows[0]), *([_cell(v) for v in row.values()] for row in rows)]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines) + "\n"
+
+
+def _cell(value: Any) -> str:
+    return _text(value).replace("|", "\\|")
+
+
+def between(file: Path, name: str) -> str:
+    """The text between the lines `<!-- name -->` and `<!-- end of name -->` of a page."""
+    rest = file.read_text(encoding="utf-8").split(f"<!-- {name} -->\n")[1]
+    return rest.split(f"<!-- end of {name} -->\n")[0]
+
+
+def write_between(file: Path, name: str, text: str) -> None:
+    """Replace what is between these lines."""
+    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
+    before = f"{begin}{between(file, name)}{end}"
+    page = file.read_text(encoding="utf-8").replace(before, f"{begin}{text}{end}")
+    file.write_text(page, encoding="utf-8")
+
+
 def _machine() -> str:
     """Processor, cores and interpreter, in words."""
     cpu = platform.processor() or platform.machine()

@@ -1,10 +1,11 @@
 """Recorded experiments that stand beside the project and are not part of it (`../shared/recordings`).
 
 Cable 6 of the COSMER tank: all 18 runs with the recorded motion of the robot, nothing fitted; of two of them
-the angle gamma is known by which the plane through both ends and the point of largest sag leans. Lowe and
-Langley (2006): tension at the top of a flexible jumper of 170 m whose top is moved. Holcombe et al. (2025): a
-lazy wave with 20 discrete modules of buoyancy at rest; whether its hang-off was a pin or a vertical clamp is
-not known.
+the angle gamma is known by which the plane of the fitted catenary leans; here it is that of the plane through
+both ends and the point of largest sag, as how the fit weighed the cable was not published. Lowe and
+Langley (2006): tension at the top of a flexible jumper of 170 m whose top is moved; in case 3 it rises 5 m
+out of the water, which is not modelled. Holcombe et al. (2025): a lazy wave with 20 discrete modules of
+buoyancy at rest; whether its hang-off was a pin or a vertical clamp is not known.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ GRAVITY = 9.807  # [m/s2], of the jumper and the lazy wave
 
 AUTHORS_UP = (0.0208, -0.1436, 0.9894)  # the vertical that the published angles were taken with
 LEAN_BOUNDS = {"y200dis2_0028": 0.3, "x200dis2_0031": 0.5}  # RMS [deg]
+LEAN_MISSED = "kept with the added mass on the section that the porous rope displaces"
 
 
 def tank_case(trajectory: Path) -> cablesim.Case:
@@ -69,7 +71,6 @@ def tank_runs(evidence: Evidence, folder: Path) -> None:
                 "status": run.attrs["status"],
                 "duration [s]": float(run["time"][-1]),
                 "robot, fastest [m/s]": float(np.linalg.norm(speed, axis=1).max()),
-                "tension, largest [N]": float(run["tension"].max()),
                 "calls": run.attrs["residual_calls"],
             }
         )
@@ -78,7 +79,9 @@ def tank_runs(evidence: Evidence, folder: Path) -> None:
             times, recorded = np.loadtxt(series, comments="%").T
             error = np.interp(times, run["time"].values, lean(run)) - np.degrees(recorded)
             text = f"cable 6, run {name[-4:]}: angle gamma of the cable's plane, RMS"
-            evidence.claim(text, float(np.sqrt(np.mean(error**2))), "deg", at_most=LEAN_BOUNDS[name])
+            evidence.claim(
+                text, float(np.sqrt(np.mean(error**2))), "deg", at_most=LEAN_BOUNDS[name], missed=LEAN_MISSED
+            )
     evidence.table(rows, "all runs of cable 6, from the recorded motion of the robot")
 
 
@@ -128,9 +131,7 @@ def jumper(evidence: Evidence, folder: Path) -> None:
         run = cablesim.simulate(jumper_case(axis))
         top = 1e-3 * np.linalg.norm(run["end_force"].sel(end="b").values, axis=1)
         error = np.interp(times + PERIOD, run["time"].values, top) - recorded
-        text = (
-            f"jumper, case {number}, top moved along {axis}: tension of {np.ptp(recorded):.1f} kN range, RMS"
-        )
+        text = f"jumper, case {number}, top moved along {axis}: tension, RMS"
         evidence.claim(text, float(np.sqrt(np.mean(error**2))), "kN", at_most=bound)
 
 
