@@ -27,7 +27,11 @@ SNAPSHOTS = 12
 LABELLED = 8
 """Attachments that get a name in the picture, and distances that get one in the legend."""
 
+FLAT = 0.1
+"""Height over width of what is seen, or width over height, below which each gets a scale of its own."""
+
 _PLANE = 1e-6  # width of the motion, over its size, up to which it is drawn as a plane
+_TURNS = np.pi * np.array([0.0, 0.25, -0.25, 0.5, -0.5, 0.75, -0.75, 1.0])
 _COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c6d31"]
 
 
@@ -85,6 +89,9 @@ def plot_run(dataset: xr.Dataset) -> Figure:
     for axes, draw in zip(bottom.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
         draw(axes, dataset)
         axes.grid(alpha=0.3)
+    figure.draw_without_rendering()
+    for axes in top.axes:
+        _keep_apart(axes)
     return figure
 
 
@@ -155,11 +162,20 @@ def _draw_views(part: Any, dataset: xr.Dataset) -> None:
         _name_attachments(axes, view, dataset, last)
         _mark_ends(axes, last)
         axes.set(title=view.title, xlabel=view.right_label, ylabel=view.up_label)
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.margins(0.08)
+        _set_scales(axes, view, _there(position[shown].reshape(-1, 3)))
         axes.grid(alpha=0.3)
     if shown.size > 1:
         part.colorbar(colour, ax=list(panels), label="time [s]", pad=0.01, fraction=0.03, aspect=25)
+
+
+def _set_scales(axes: Axes, view: _View, places: Array) -> None:
+    """One scale for both directions, unless that would make a line of what is seen; the title says so."""
+    axes.margins(0.08)
+    spans = [float(np.ptp(along)) for along in view(places)]
+    if 0.0 < min(spans) < FLAT * max(spans):
+        axes.set_title(f"{view.title}, scales differ")
+    else:
+        axes.set_aspect("equal", adjustable="datalim")
 
 
 def _there(places: Array) -> Array:
@@ -270,6 +286,31 @@ def _name_attachments(axes: Axes, view: _View, dataset: xr.Dataset, shape: Array
         _write(axes, str(name), place, _unit(aside))
 
 
+def _keep_apart(axes: Axes) -> None:
+    """Turn and move labels, once all is laid out, until none covers another or an end's letter."""
+    labels: list[Any] = [text for text in axes.texts if hasattr(text, "xyann")]
+    placed: list[Any] = []
+    for label in reversed(labels):  # the letters of the ends first
+        wanted = np.array(label.xyann)
+        for reach, angle in ((reach, angle) for reach in (1.0, 2.0, 3.0) for angle in _TURNS):
+            turned = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ wanted
+            label.xyann = tuple(reach * turned)
+            label.set(**_alignment(_unit(turned)))
+            box = label.get_window_extent()
+            if not any(box.overlaps(other) for other in placed):
+                break
+        placed.append(box)
+
+
+def _alignment(direction: Array) -> dict[str, Any]:
+    """Side of a text that is at its place when the text lies in a direction from it."""
+    horizontal = abs(direction[0]) > 0.5
+    return {
+        "ha": ("left" if direction[0] > 0 else "right") if horizontal else "center",
+        "va": "center" if horizontal else "bottom" if direction[1] > 0 else "top",
+    }
+
+
 def _unit(vector: Array) -> Array:
     norm = float(np.linalg.norm(vector))
     return vector / norm if norm > 0 else np.array([0.0, 1.0])
@@ -279,14 +320,12 @@ def _write(axes: Axes, text: str, place: Array, direction: Array, **style: Any) 
     """Write a label off a place, in a direction of unit length; it stays readable on top of lines."""
     from matplotlib.patheffects import withStroke
 
-    horizontal = abs(direction[0]) > 0.5
     axes.annotate(
         text,
         (float(place[0]), float(place[1])),
         xytext=(11 * direction[0], 11 * direction[1]),
         textcoords="offset points",
-        ha=("left" if direction[0] > 0 else "right") if horizontal else "center",
-        va="center" if horizontal else "bottom" if direction[1] > 0 else "top",
+        **_alignment(direction),
         fontsize=10,
         zorder=6,
         path_effects=[withStroke(linewidth=3, foreground="white")],

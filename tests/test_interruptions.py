@@ -53,7 +53,7 @@ def on_a_winch(name, law, duration):
 
 def wait_for_runs(count):
     """Wait until so many processes integrate."""
-    for _ in range(1000):
+    for _ in range(3000):
         found = [name for name in os.listdir() if name.startswith("runs_")]
         if len(found) == count:
             return [int(name.removeprefix("runs_")) for name in found]

@@ -54,15 +54,35 @@ def buoys():
 
 def test_shapes_from_the_side_and_from_above(buoys):
     figure = drawn(plot_run(buoys))
-    side, top = titled(figure, "side view"), titled(figure, "top view")
+    side, top = titled(figure, "side view"), titled(figure, "top view, scales differ")
     assert (side.get_xlabel(), side.get_ylabel()) == ("x [m]", "z [m]")
     assert (top.get_xlabel(), top.get_ylabel()) == ("x [m]", "y [m]")
     for shape in shapes(buoys):
         assert has_line(side, shape[:, 0], shape[:, 2])
         assert has_line(top, shape[:, 0], shape[:, 1])
+    assert (side.get_aspect(), top.get_aspect()) == (1.0, "auto")
     for axes in (side, top):
-        assert axes.get_aspect() == 1.0
         assert texts(axes) == {"A", "B", "float", "weight"}
+
+
+@pytest.mark.parametrize(("width", "equal"), [(0.2, True), (0.05, False)])
+def test_scales_differ_where_one_span_is_below_a_tenth_of_the_other(buoys, width, equal):
+    places = buoys["position"].values
+    places[..., 1] *= width * np.ptp(places[..., 0]) / np.ptp(places[..., 1])
+    (top,) = [a for p in drawn(plot_run(buoys)).subfigs for a in p.axes if "top view" in a.get_title()]
+    assert (top.get_aspect() == 1.0) is equal
+    assert ("scales differ" in top.get_title()) is not equal
+    low, high = top.get_ylim()
+    assert (np.ptp(places[..., 1]) / (high - low) > 0.5) is not equal
+
+
+def test_labels_do_not_cover_one_another(buoys):
+    buoys["attachment_position"].values[:, 1] = buoys["attachment_position"].values[:, 0]
+    figure = drawn(plot_run(buoys))
+    for axes in figure.subfigs[0].axes[:2]:
+        boxes = [label.get_window_extent() for label in axes.texts]
+        assert len(boxes) == 4
+        assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
 
 
 def test_snapshots_are_coloured_by_their_time(buoys):

@@ -145,3 +145,20 @@ def test_verbose_shows_the_log():
     assert "initial shape by" not in plain.stderr
     assert re.search("initial shape by newton", verbose.stderr)
     assert plain.stdout.split(",")[0] == verbose.stdout.split(",")[0]
+
+
+def test_info_estimates_the_file_and_the_memory_of_a_run():
+    options = ["--set", "output.interval=0.0002"]
+    size = re.search(
+        r"result file +some ([\d.e+]+) to ([\d.e+]+) MB", call("info", "sway.yaml", *options).stdout
+    )
+    memory = re.search(r"memory +some ([\d.]+) GB", call("info", "sway.yaml", *options).stdout)
+    assert call("run", "sway.yaml", *options).exit_code == 0
+    assert float(size[1]) < Path("sway.nc").stat().st_size / 1e6 < float(size[2])
+    script = (
+        "import resource, sys\nfrom cablesim.cli import app\n"
+        f"app(['run', 'sway.yaml', '--force', *{options!r}], standalone_mode=False)\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert float(done.stdout.split()[-1]) == pytest.approx(float(memory[1]), rel=0.5)

@@ -74,23 +74,25 @@ def validate(cases: CasePaths) -> None:
 
 @command
 def info(case: CasePath, overrides: Overrides = None) -> None:
-    """Say what a case amounts to: mesh, unknowns, what is skipped, weights, natural scales."""
+    """Say what a case amounts to: mesh, unknowns, what is skipped, weights, scales, size of the result."""
     from cablesim.batch import load_scene
     from cablesim.plausibility import warnings_of
 
     scene = load_scene(case, overrides or ())
     simulation = _initialised(scene)
+    start = _dataset_at_start(simulation)
     for title, rows in (
         ("mesh", tables.mesh_rows(simulation)),
         ("computed and skipped", tables.needs_rows(simulation)),
         ("weights", tables.weight_rows(simulation)),
         ("natural scales", tables.scale_rows(simulation)),
+        ("size", tables.size_rows(simulation, start)),
     ):
         shown = table("", "", title=f"{scene.name}: {title}")
         for name, value in rows.items():
             shown.add_row(name, value)
         say(shown)
-    warn(*warnings_of(_dataset_at_start(simulation)))
+    warn(*warnings_of(start))
 
 
 @command

@@ -65,7 +65,7 @@ def report_html(dataset: xr.Dataset, *, generator: str = "cablesim") -> str:
     """
     node_positions(dataset)  # refuses what cannot be drawn before anything is computed
     thinning = choose_thinning(dataset)
-    attributes = {str(name): str(value) for name, value in dataset.attrs.items()}
+    attributes = {str(name): _text(value) for name, value in dataset.attrs.items()}
     return Template(_asset("template.html")).substitute(
         generator=escape(generator),
         title=escape(attributes.get("title", "cable")),
@@ -107,6 +107,11 @@ def _warnings_html(texts: tuple[str, ...]) -> str:
         return ""
     items = "".join(f"<li>{escape(text)}</li>" for text in texts)
     return f'<section class="card words" aria-label="Warnings"><h2>Warnings</h2><ul>{items}</ul></section>'
+
+
+def _text(value: object) -> str:
+    """An attribute as people read it, numbers rounded."""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _row_html(name: str, text: str) -> str:
