@@ -9,10 +9,10 @@ follows from the balance of momentum, and it alone says which way the V is drawn
 beside the bodies, as at rest, the tension difference holds twice their mean vertical force too and can have
 the other sign.
 
-What the pull is worth: in the paper's three scenes it has 58 mN RMS.  Exact sensors tell it to 0.5 mN, but
-water of 0.1 m/s along the V that the estimator does not know of puts it 89 mN off (1.1 when it is given as
-`current`), drag 1.5 times what is believed 28, and a vertical that is off by 0.5 degrees 20, if `rest` has
-found the accelerometers' offsets (620 without); its direction is right most of the time then
+What the pull is worth: in the paper's three scenes it has 77 mN RMS.  Exact sensors tell it to 1.2 mN, but
+water of 0.1 m/s along the V that the estimator does not know of puts it 107 mN off (1.7 when it is given as
+`current`), drag 1.5 times what is believed 35, and a vertical that is off by 0.5 degrees 24, if `rest` has
+found the accelerometers' offsets (650 without); its direction is right most of the time then
 (validation/estimators.py).
 """
 
