@@ -31,6 +31,7 @@ SCRIPTS = (
     "work_precision",
     "stability",
     "winch",
+    "buoy_gap_gains",
     "v_gap",
     "estimators",
     "imu_placement",
@@ -82,6 +83,11 @@ FIGURES = (
         "winch",
         "jump of the force at A where nodes come and go, largest",
         "jump of the force at the vehicle where a winch adds or takes a node",
+    ),
+    (
+        "stability",
+        "random scenes that finish",
+        "random scenes that finish within a minute, without a fault of energy or closure",
     ),
     (
         "estimators",

@@ -7,7 +7,7 @@ Prints a table, writes it as CSV and draws one picture; the defaults of cablesim
 
 from __future__ import annotations
 
-from common import CASES, output_folder, parser, print_table, write_csv  # isort: skip - sets the threads
+from common import CASES, Evidence, output_folder, parser, write_csv  # isort: skip - sets the threads
 
 import itertools
 from dataclasses import dataclass, replace
@@ -194,10 +194,11 @@ def main() -> None:
     options = parser(__doc__).parse_args()
     tolerances = TOLERANCES[:4:2] if options.small else TOLERANCES
     refinements = (1, 2) if options.small else REFINEMENTS
+    evidence = Evidence(__file__, __doc__, options)
     rows = []
     for subject in SUBJECTS[:2] if options.small else SUBJECTS:
         found = sweep(subject, tolerances, refinements)
-        print_table([row for row in found if row["variant"] == "defaults"], f"{subject.label}, defaults")
+        evidence.table([row for row in found if row["variant"] == "defaults"], f"{subject.label}, defaults")
         rows += found
     folder = output_folder(options.output)
     write_csv(folder / "work_precision.csv", rows)
