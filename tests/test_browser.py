@@ -222,3 +222,17 @@ def test_every_control_has_a_name(show, buoys):
     report = show(buoys)
     tree = report.page.locator("body").aria_snapshot()
     assert not re.findall(r"- (?:button|slider|checkbox|combobox|img)(?::|$| \[)", tree, re.MULTILINE)
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_every_axis_has_a_name(show, buoys, width):
+    report = show(buoys, viewport={"width": width, "height": 844})
+    names = report.page.locator(".plot .name").all_text_contents()
+    assert names == ["time [s]", "time [s]", "s, from A to B [m]", "time [s]"]
+    assert report.page.locator(".plot svg").count() == len(names)
+    for plot in report.page.locator(".plot svg").all():
+        name, paper = plot.locator(".name").bounding_box(), plot.bounding_box()
+        assert name["y"] + name["height"] <= paper["y"] + paper["height"] + 1
+        for number in plot.locator(".number").all():
+            other = number.bounding_box()
+            assert other["y"] + other["height"] <= name["y"] + 3

@@ -1,14 +1,14 @@
-const FRAME = { left: 54, right: 14, top: 8, bottom: 22 };
+const FRAME = { left: 54, right: 14, top: 8, bottom: 36 };
 const PIXELS_PER_TICK = { x: 90, y: 42 };
 
 /** Lines on a pair of axes (SVG), with a cursor; its lines may change. */
 class Plot {
   /** `panel` has title, unit, lines of {label, values}, a band of none or two lists, and a note. */
-  constructor(host, panel, { x, xUnit, label, cursor = true }) {
+  constructor(host, panel, { x, xName, label, cursor = true }) {
     this.panel = panel;
     this.hasCursor = cursor;
     this.x = x;
-    this.xUnit = xUnit;
+    this.xName = xName;
     this.figure = host.appendChild(document.createElement("figure"));
     this.figure.className = "plot";
     this.addCaption();
@@ -62,8 +62,9 @@ class Plot {
     for (const value of ticks(this.xRange, Math.max(2, (right - left) / PIXELS_PER_TICK.x))) {
       const x = this.toX(value);
       parts.push(svgElement("line", { class: "grid", x1: x, x2: x, y1: FRAME.top, y2: bottom }));
-      parts.push(svgText(`${readable(value)} ${this.xUnit}`, { x, y: bottom + 16, class: "number" }));
+      parts.push(svgText(readable(value), { x, y: bottom + 14, class: "number" }));
     }
+    parts.push(svgText(this.xName, { x: (left + right) / 2, y: bottom + 30, class: "name" }));
     return parts;
   }
 

@@ -34,7 +34,7 @@ class Viewer {
     run.profile.lines.push({ label: "at this time", values: [] });
     this.profile = new Plot(find("more"), run.profile, {
       x: run.profileS,
-      xUnit: "m",
+      xName: "s, from A to B [m]",
       label: "Tension along the cable at the time shown, and its range in the whole run",
       cursor: false,
     });
@@ -44,7 +44,7 @@ class Viewer {
 
   timePlot(panel, i) {
     const host = i < this.run.panels.length - 1 ? find("series") : find("more");
-    const options = { x: this.run.seriesTime, xUnit: "s", label: `${panel.title} against time` };
+    const options = { x: this.run.seriesTime, xName: "time [s]", label: `${panel.title} against time` };
     const plot = new Plot(host, panel, options);
     if (!plot.empty) plot.onSeek((time) => this.player.seek(this.run.stateAt(time)));
     return plot;
