@@ -99,5 +99,6 @@ def _numerics(given: models.Simulation) -> scene.Numerics:
         linear_solver=given.linear_solver,
         strain_feedback=given.strain_feedback,
         closure_feedback=given.closure_feedback,
+        mesh_damping=given.mesh_damping,
         skip=given.skip,
     )

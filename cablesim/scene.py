@@ -399,11 +399,13 @@ class Numerics:
         ``auto``, ``band`` or ``krylov``.
     strain_feedback, closure_feedback : float
         beta and kappa [1/s] of the tension row and of the end rows.
+    mesh_damping : float
+        Least damping of the shortest axial wave that the mesh holds, over its critical damping.
     skip : bool
         Compile for what the scene needs (True), or the full three-dimensional kernel.
     """
 
-    relative_tolerance: float = 1e-4
+    relative_tolerance: float = 5e-6
     max_order: int = 2
     max_step: float | None = None
     max_steps: int = 1_000_000
@@ -411,6 +413,7 @@ class Numerics:
     linear_solver: str = "auto"
     strain_feedback: float = 10.0
     closure_feedback: float = 20.0
+    mesh_damping: float = 0.2
     skip: bool = True
 
 
@@ -470,3 +473,14 @@ class Scene:
     def start_length(self) -> float:
         """Unstretched length between A and B at t = 0 [m]."""
         return self.cable.length if self.winch is None else self.winch.deployed_length
+
+    @property
+    def damping_time(self) -> float:
+        """Kelvin-Voigt time tau of the equations [s]: the cable's, or what waves of the mesh's size need.
+
+        Axial waves of two segments have the frequency 2 c/l, c = sqrt(EA/m), and tau damps them by c tau/l
+        of critical; the slowest wave of n segments has pi/(2 n) of that.
+        """
+        wave_speed = math.sqrt(self.cable.axial_stiffness / self.cable.mass_per_length)
+        of_mesh = self.numerics.mesh_damping * self.mesh.segment_length / wave_speed
+        return max(self.cable.structural_damping, of_mesh)

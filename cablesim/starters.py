@@ -55,7 +55,7 @@ initial:
 
 simulation:
   duration: 10 s
-  relative_tolerance: 1e-4 # smaller: more accurate, slower
+  relative_tolerance: 5e-6 # smaller: more accurate, slower
 
 output:
   interval: 20 ms

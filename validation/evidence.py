@@ -28,6 +28,7 @@ SCRIPTS = (
     "accuracy",
     "gallery",
     "recordings",
+    "tolerances",
     "work_precision",
     "stability",
     "winch",

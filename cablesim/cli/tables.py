@@ -111,12 +111,10 @@ def scale_rows(simulation: Simulation) -> dict[str, str]:
     """Wave speeds, and the highest frequencies of a chain of equal shortest segments."""
     from math import pi, sqrt
 
-    from cablesim.physics.scales import scene_scales
-
     cable, shortest = simulation.scene.cable, float(simulation.mesh.lengths.min())
     axial = sqrt(cable.axial_stiffness / cable.mass_per_length)
     added = cable.added_mass_normal * simulation.scene.water.density * cable.added_mass_section
-    scales = scene_scales(simulation.scene, simulation.model, simulation.initial.y)
+    scales = simulation.scales
     rows = {
         "tension": f"{scales.tension:.4g} N",
         "velocity": f"{scales.velocity:.4g} m/s",

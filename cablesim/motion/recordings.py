@@ -64,7 +64,8 @@ def recorded(
         )
     breaks, coefficients = _smoothing_pieces(when - origin, samples, noise_level)
     motion = Motion(breaks=breaks, coefficients=coefficients, end_time=float(breaks[-1]))
-    refuse_overshoot(motion, when - origin, samples, noise_level)
+    if noise_level > 0:  # what interpolates is as rough as its samples
+        refuse_overshoot(motion, when - origin, samples, noise_level)
     return motion
 
 

@@ -290,7 +290,7 @@ def build_model(scene: Scene, mesh: Mesh, frame: Frame) -> CableModel:
             [
                 cable.axial_stiffness,
                 cable.bending_stiffness,
-                cable.structural_damping,
+                scene.damping_time,
                 numerics.strain_feedback,
                 numerics.closure_feedback,
                 mesh.nodes[-2],

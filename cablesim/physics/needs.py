@@ -135,7 +135,7 @@ def scene_features(scene: Scene, frame: Frame) -> Features:
     return Features(
         dimension=frame.dimension,
         bending=bending or needs_all,
-        damping=scene.cable.structural_damping > 0.0 or needs_all,
+        damping=scene.damping_time > 0.0 or needs_all,
         point_drag=any(a.drag_area > 0.0 for a in scene.attachments) or needs_all,
         current=_current_kind(scene.water.current, needs_all),
         free_a=scene.end_a.motion is None,

@@ -170,9 +170,7 @@ class Quantities:
     @cached_property
     def tension(self) -> Array:
         """Axial force with its damping part: what the segments pull with."""
-        return self.strain_tension + self.scene.cable.structural_damping * self.model.layout.tension(
-            self.history.yp
-        )
+        return self.strain_tension + self.scene.damping_time * self.model.layout.tension(self.history.yp)
 
     @cached_property
     def shear(self) -> Array:
@@ -181,7 +179,7 @@ class Quantities:
         if not self.model.features.bending:
             return result
         layout, history = self.model.layout, self.history
-        damped = layout.chord(history.y) + self.scene.cable.structural_damping * layout.chord(history.yp)
+        damped = layout.chord(history.y) + self.scene.damping_time * layout.chord(history.yp)
         before, after, stiffness = self._joints(damped)
         cosine = np.einsum("tjc,tjc->tj", before, after)
         moment = (stiffness / np.maximum(1.0 + cosine, 1e-9))[..., None]

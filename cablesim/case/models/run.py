@@ -17,7 +17,7 @@ class Simulation(Part):
     """How long, and how the integrator is told to work."""
 
     duration: Time = Field(gt=0, description="length of the run [s]")
-    relative_tolerance: Number = Field(default=1e-4, ge=1e-10, le=1e-1, description="rtol of IDA [-]")
+    relative_tolerance: Number = Field(default=5e-6, ge=1e-10, le=1e-1, description="rtol of IDA [-]")
     max_order: int = Field(
         default=2, ge=1, le=5, strict=True, description="highest order of BDF; above 2 only with damping"
     )
@@ -37,6 +37,12 @@ class Simulation(Part):
     )
     strain_feedback: Rate = Field(default=10.0, ge=0, description="beta, ties tension to chord length [1/s]")
     closure_feedback: Rate = Field(default=20.0, ge=0, description="kappa, ties the chords to the ends [1/s]")
+    mesh_damping: Number = Field(
+        default=0.2,
+        ge=0,
+        description="least damping of axial waves of two segments, over the critical one [-]; it vanishes as "
+        "segments get shorter, and 0 leaves cable.structural_damping alone",
+    )
     skip: bool = Field(
         default=True,
         strict=True,
