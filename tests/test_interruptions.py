@@ -61,6 +61,12 @@ def wait_for_runs(count):
     raise AssertionError(f"{len(found)} of {count} runs have begun")
 
 
+def heed_all_signals():
+    """In a child: whoever runs the tests under nohup has it ignore SIGHUP, and cablesim respects that."""
+    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
+        signal.signal(number, signal.SIG_DFL if number != signal.SIGINT else signal.default_int_handler)
+
+
 def ended_by(number, cases, *options, whole_group=False, running):
     """Start a command, send it a signal when runs go on, and wait for its end."""
     process = subprocess.Popen(
@@ -69,10 +75,15 @@ def ended_by(number, cases, *options, whole_group=False, running):
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        preexec_fn=heed_all_signals,
     )
-    wait_for_runs(running)
-    os.killpg(process.pid, number) if whole_group else process.send_signal(number)
-    out, err = process.communicate(timeout=60)
+    try:
+        wait_for_runs(running)
+        os.killpg(process.pid, number) if whole_group else process.send_signal(number)
+        out, err = process.communicate(timeout=60)
+    finally:
+        if process.poll() is None:  # nothing outlives a test that fails
+            os.killpg(process.pid, signal.SIGKILL)
     return process.returncode, out, err
 
 
