@@ -314,8 +314,19 @@ def test_a_full_disk_is_explained_and_the_old_result_kept(sway):
 # Interruptions ----------------------------------------------------------------------------------
 
 
-def interrupted(arguments, *, whole_group, after):
-    """Start a command, press Ctrl-C and wait for its end."""
+def wait_for_work(pid, seconds):
+    """Wait until a process has worked for so long, however busy the machine is; where none tells, as long."""
+    stat = Path(f"/proc/{pid}/stat")
+    worked, ends = 0.0, time.monotonic() + (60.0 if stat.exists() else seconds)
+    while worked < seconds and time.monotonic() < ends:
+        time.sleep(0.02)
+        if stat.exists():
+            user, system = stat.read_text().rpartition(")")[2].split()[11:13]
+            worked = (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
+
+def interrupted(arguments, *, whole_group, after, wait=lambda _, seconds: time.sleep(seconds)):
+    """Start a command, press Ctrl-C after so many seconds and wait for its end."""
     process = subprocess.Popen(
         [*COMMAND, *arguments],
         stdout=subprocess.PIPE,
@@ -323,7 +334,7 @@ def interrupted(arguments, *, whole_group, after):
         text=True,
         start_new_session=True,
     )
-    time.sleep(after)
+    wait(process.pid, after)
     if whole_group:
         os.killpg(process.pid, signal.SIGINT)
     else:
@@ -365,7 +376,7 @@ def test_ctrl_c_leaves_readable_results_of_runs_side_by_side(moving, sway, whole
 @pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
 @pytest.mark.parametrize("after", [0.3, 0.8])
 def test_ctrl_c_before_the_run_begins(moving, after):
-    code, out, err = interrupted(["run", moving, *LONG], whole_group=True, after=after)
+    code, out, err = interrupted(["run", moving, *LONG], whole_group=True, after=after, wait=wait_for_work)
     assert code == 130
     assert_readable_to_people(out, err)
 

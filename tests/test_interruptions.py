@@ -24,7 +24,8 @@ def still(measured):
     return 0.0
 
 def says_that_it_runs(measured):
-    open(f"runs_{os.getpid()}", "w").close()
+    if measured.time > 5:  # there are outputs by then
+        open(f"runs_{os.getpid()}", "w").close()
     return 0.0
 
 def dies(measured):
