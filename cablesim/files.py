@@ -173,9 +173,14 @@ def _seen_from(file: Path, source: Path) -> str:
     if source == STANDARD_INPUT:
         return str(source)
     try:
-        return Path(os.path.relpath(source.resolve(), file.resolve().parent)).as_posix()
+        return Path(os.path.relpath(real_path(source), real_path(file).parent)).as_posix()
     except ValueError:  # on another drive
-        return source.resolve().as_posix()
+        return real_path(source).as_posix()
+
+
+def real_path(path: Path) -> Path:
+    """The path without links; of one that leads to itself as far as it goes, where `resolve` raises."""
+    return Path(os.path.realpath(path))
 
 
 def _same_file(one: Path, other: Path) -> bool:
@@ -183,7 +188,7 @@ def _same_file(one: Path, other: Path) -> bool:
     try:
         return os.path.samefile(one, other)
     except OSError:
-        return one.resolve() == other.resolve()
+        return real_path(one) == real_path(other)
 
 
 def _taken(file: Path, maker: str) -> OutputError:
@@ -202,13 +207,15 @@ def check_writable(file: Path) -> None:
         )
         raise OutputError(f"cannot write {file}: {folder} {what}.")
     try:
+        with contextlib.suppress(FileNotFoundError):
+            file.stat()  # raises what `exists` passes over, such as a link to itself
         if file.is_dir():
             raise OutputError(f"cannot write {file}: it is a folder. Name a file in it.")
         if file.exists() and not file.is_file():
             raise OutputError(f"cannot write {file}: it is no ordinary file. Name one.")
         if file.exists() and not os.access(file, os.W_OK):
             raise OutputError(f"cannot write {file}: the file is there and write-protected.")
-        with tempfile.TemporaryFile(dir=file.resolve().parent):
+        with tempfile.TemporaryFile(dir=real_path(file).parent):
             pass
     except OutputError:
         raise
@@ -245,8 +252,10 @@ def replacing(file: Path) -> Iterator[Path]:
     OutputError
         If it cannot be written, for instance because the disk is full.
     """
-    place = file.resolve()  # what a symbolic link points to is replaced, not the link
-    part = place.with_name(f".{place.stem[:40]}.{os.getpid()}-{threading.get_native_id()}.part{place.suffix}")
+    place = real_path(file)  # what a symbolic link points to is replaced, not the link
+    part = place.with_name(
+        f".{place.stem[:40]}.{os.getpid()}-{threading.get_native_id()}.part{place.suffix[:20]}"
+    )
     try:
         yield part
         if place.exists():

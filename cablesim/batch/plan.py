@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from cablesim.batch.source import case_text, files_read, name_of, read_case
+from cablesim.batch.source import case_text, files_read, name_of, read_case, read_once
 from cablesim.case import Case, CaseError
-from cablesim.files import STANDARD_INPUT, OutputError, Product, check_ending, check_writable
+from cablesim.files import STANDARD_INPUT, OutputError, Product, check_ending, check_writable, real_path
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,8 @@ class Run:
     def product(self, case: str = "") -> Product:
         """The result, of a case whose whole text is `case`."""
         options = [word for override in self.overrides for word in ("--set", override)]
-        return Product.of(self.file, self.command, self.case, *options, case=case)
+        source = STANDARD_INPUT if read_once(self.case) else self.case
+        return Product.of(self.file, self.command, source, *options, case=case)
 
 
 def plan_runs(
@@ -68,7 +69,7 @@ def plan_runs(
         raise OutputError("standard input can be read once. Name it (-) once.")
     runs, cases = [], []
     for source in sources:
-        text = case_text(source) if source == STANDARD_INPUT else None
+        text = case_text(source) if read_once(source) else None
         case = _case_if_right(source, overrides, text)
         file = output if one_file else output / f"{_stem(source, case)}.nc"
         runs.append(Run(source, file, tuple(overrides), text))
@@ -108,7 +109,7 @@ def _case_if_right(source: Path, overrides: Sequence[str], text: str | None) -> 
 
 
 def _stem(source: Path, case: Case | None) -> str:
-    if source != STANDARD_INPUT:
+    if not read_once(source):
         return source.stem
     return "standard_input" if case is None else case.name.replace("/", "_").replace("\\", "_")
 
@@ -116,7 +117,7 @@ def _stem(source: Path, case: Case | None) -> str:
 def _check_names(runs: Sequence[Run]) -> None:
     first: dict[Path, Run] = {}
     for run in runs:
-        other = first.setdefault(run.file.resolve(), run)
+        other = first.setdefault(real_path(run.file), run)
         if other is not run:
             both = f"{name_of(other.case)} and {name_of(run.case)}"
             raise OutputError(f"{both} would both be written to {run.file}. Rename one.")

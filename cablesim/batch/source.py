@@ -15,10 +15,13 @@ from typing import TYPE_CHECKING, Any
 from cablesim.case import Case, CaseError, Problem
 from cablesim.case.errors import path_text
 from cablesim.case.read import read_yaml
-from cablesim.files import STANDARD_INPUT
+from cablesim.files import STANDARD_INPUT, real_path
 
 if TYPE_CHECKING:
     from cablesim.scene import Scene
+
+
+_LARGEST = 64 << 20  # bytes of a case; devices such as /dev/zero have no end
 
 
 def load_scene(path: str | Path, overrides: Iterable[str] = (), text: str | None = None) -> Scene:
@@ -54,7 +57,7 @@ def read_case(path: str | Path, overrides: Iterable[str] = (), text: str | None 
     data, lines = read_yaml(case_text(path) if text is None else text, name)
     for override in overrides if isinstance(data, dict) else ():
         set_value(data, override)
-    place = Path.cwd() if path == STANDARD_INPUT else path.resolve().parent
+    place = Path.cwd() if read_once(path) else real_path(path).parent
     with _blaming(overrides):
         return Case.from_dict(data, directory=place, file=name, lines=lines)
 
@@ -64,17 +67,31 @@ def name_of(path: Path) -> str:
     return "standard input" if path == STANDARD_INPUT else str(path)
 
 
+def read_once(path: Path) -> bool:
+    """Whether a source is gone when it has been read: standard input or a pipe, as of ``<(...)``."""
+    return path == STANDARD_INPUT or path.is_fifo()
+
+
 def case_text(path: Path) -> str:
     """Text of a case file, or of standard input, which can be read once."""
     try:
-        raw = sys.stdin.buffer.read() if path == STANDARD_INPUT else path.read_bytes()
+        if path == STANDARD_INPUT:
+            raw = sys.stdin.buffer.read(_LARGEST + 1)
+        else:
+            with path.open("rb") as stream:
+                raw = stream.read(_LARGEST + 1)
     except OSError as error:  # a file that cannot be read is not a case that is wrong
         raise OSError(f"{name_of(path)}: {error.strerror or error}. Name a case file (YAML).") from None
+    if len(raw) > _LARGEST:
+        raise _no_case(path, f"is longer than {_LARGEST >> 20} MiB")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
-        message, remedy = "is not text in UTF-8", "Name a case file."
-        raise CaseError([Problem(path="", message=message, remedy=remedy, file=name_of(path))]) from None
+        raise _no_case(path, "is not text in UTF-8") from None
+
+
+def _no_case(path: Path, message: str) -> CaseError:
+    return CaseError([Problem(path="", message=message, remedy="Name a case file.", file=name_of(path))])
 
 
 def files_read(case: Case) -> set[Path]:
@@ -117,7 +134,7 @@ def _blaming(overrides: Sequence[str]) -> Iterator[None]:
 
 def _location(key: str) -> tuple[str | int, ...]:
     parts = key.strip().replace("[", ".").replace("]", "").split(".")
-    return tuple(int(part) if part.isdigit() else part for part in parts)
+    return tuple(int(part) if part.isdecimal() else part for part in parts)
 
 
 def set_value(data: Any, override: str) -> None:

@@ -14,6 +14,7 @@ from cablesim.builders.review import STATES_LIMIT, Review
 from cablesim.case import models
 from cablesim.case.errors import Location, suggestion
 from cablesim.scene import Vector
+from cablesim.stops import SAME_TIME
 from cablesim.trajectory.attributes import OF_THE_USER
 from cablesim.trajectory.variables import VARIABLES
 
@@ -24,6 +25,12 @@ def build_output(review: Review) -> scene.Output:
     """Make what is kept of the run."""
     given, duration = review.case.output, review.case.simulation.duration
     interval = default_interval(duration) if given.interval is None else given.interval
+    if duration <= SAME_TIME:
+        review.note(
+            ("simulation", "duration"),
+            f"is no longer than {SAME_TIME:g} s, which counts as no time",
+            "Give a longer run.",
+        )
     if interval > duration * (1 + 1e-9):
         review.note(
             ("output", "interval"),

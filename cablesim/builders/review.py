@@ -95,6 +95,8 @@ class Review:
         file = self.directory / name
         if file.is_file():
             return file
+        if file.exists():
+            raise self.refuse(path, f"{file} is no ordinary file", "Name a file.")
         siblings = [entry.name for entry in file.parent.iterdir()] if file.parent.is_dir() else []
         close = nearest(file.name, siblings)
         hint = f"Did you mean '{close}'?" if close else "Paths are relative to the case file."

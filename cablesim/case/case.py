@@ -7,15 +7,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import Field, PrivateAttr, ValidationError
+from pydantic import AfterValidator, Field, PrivateAttr, ValidationError
+from pydantic_core import PydanticCustomError
 
 from cablesim.case import models
 from cablesim.case.errors import CaseError, Location, Origin, Problem
 from cablesim.case.explain import explain
 from cablesim.case.quantities import Acceleration
 from cablesim.case.read import read_yaml, write_yaml
+
+
+def _on_one_line(name: str) -> str:
+    """Refuse what would end up in names of files and on terminals."""
+    if not name.isprintable():
+        remedy = "Write letters, digits, signs and spaces."
+        raise PydanticCustomError(
+            "name", "{message}", {"message": "has letters that cannot be shown", "remedy": remedy}
+        )
+    return name
 
 
 class Case(models.Part):
@@ -27,7 +38,9 @@ class Case(models.Part):
     Two cases are equal when their contents are, wherever they came from.
     """
 
-    name: str = Field(min_length=1, description="short name, used for result files and titles")
+    name: Annotated[str, AfterValidator(_on_one_line)] = Field(
+        min_length=1, description="short name, used for result files and titles"
+    )
     description: str = Field(default="", description="what the case shows and where its numbers come from")
     gravity: Acceleration = Field(default=9.81, ge=0, description="acceleration along -z [m/s2]")
     water: models.Water = Field(default=models.Water(), description="the water around the cable")

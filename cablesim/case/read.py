@@ -101,9 +101,10 @@ class _Reader:
             if isinstance(key_node, ScalarNode) and key_node.tag == "tag:yaml.org,2002:merge":
                 merged.update(self._merge(value_node, path))
                 continue
-            key = self._scalar(key_node) if isinstance(key_node, ScalarNode) else None
-            if not isinstance(key, str):
-                key = str(getattr(key_node, "value", "?"))
+            if not isinstance(key_node, ScalarNode):
+                mark = key_node.start_mark
+                raise MarkedYAMLError(problem="a key is a list or a group of keys", problem_mark=mark)
+            key = str(key_node.value)
             line = key_node.start_mark.line + 1
             if key in data:
                 first = self.lines[(*path, key)]
@@ -117,12 +118,18 @@ class _Reader:
         nodes = node.value if isinstance(node, SequenceNode) else [node]
         merged: dict[Any, Any] = {}
         for item in reversed(nodes):
-            if isinstance(item, MappingNode):
-                merged.update(self._mapping(item, path))
+            if not isinstance(item, MappingNode):
+                problem = "<< takes a group of keys, or a list of such"
+                raise MarkedYAMLError(problem=problem, problem_mark=item.start_mark)
+            merged.update(self._mapping(item, path))
         return merged
 
     def _scalar(self, node: Node) -> Any:
-        value = self.constructor.construct_object(node)
+        try:
+            value = self.constructor.construct_object(node)
+        except ValueError:  # !!int five, a month 13, a number of more than 4300 digits
+            problem = f"no {str(node.tag).rpartition(':')[2]}: {node.value[:40]}"
+            raise MarkedYAMLError(problem=problem, problem_mark=node.start_mark) from None
         return value if isinstance(value, str | int | float | bool | type(None)) else str(node.value)
 
     def _refuse(self, path: Location, line: int, message: str) -> None:

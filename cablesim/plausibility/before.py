@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import math
 
-from cablesim.scene import GriddedCurrent, Scene
+import numpy as np
+
+from cablesim.scene import EquilibriumShape, GriddedCurrent, Scene, StillWater
 
 LARGEST_DIAMETER = 1.0  # [m]
 SMALLEST_DIAMETER = 1e-4  # [m]
@@ -30,6 +32,7 @@ def check_scene(scene: Scene) -> tuple[str, ...]:
         *_body_densities(scene),
         _bend_radius(scene),
         _map_duration(scene),
+        _any_rest_shape(scene),
     ]
     return tuple(sentence for sentence in found if sentence is not None)
 
@@ -90,4 +93,22 @@ def _map_duration(scene: Scene) -> str | None:
     return (
         f"the current map is known from {first:g} to {last:g} s, the run lasts {scene.duration:g} s: "
         "outside, the map's first and last hold; give a longer map."
+    )
+
+
+def _any_rest_shape(scene: Scene) -> str | None:
+    """A slack cable that nothing pulls and that does not bend rests in any shape."""
+    a, b = scene.end_a.motion, scene.end_b.motion
+    start, cable = scene.initial, scene.cable
+    if not isinstance(start, EquilibriumShape) or start.guess is not None or a is None or b is None:
+        return None
+    lifts = [scene.gravity * (body.mass - scene.water.density * body.volume) for body in scene.attachments]
+    pulled = any(abs(force) > 1e-12 for force in (cable.wet_weight, *lifts))
+    slack = np.linalg.norm(b.position(0.0) - a.position(0.0)) < scene.start_length
+    still = isinstance(scene.water.current, StillWater)
+    if pulled or not still or cable.bending_stiffness > 0 or not slack:
+        return None
+    return (
+        "nothing pulls at the slack cable: any shape is at rest, and one was chosen; say which with "
+        "initial.through, or with the shape `markers`."
     )
