@@ -36,8 +36,8 @@ PEER_RUNS = (
     ("S3v", "5 cm, rtol 1e-6, to 0.82 s", 0.82, 0.285, FINE),
     ("S1", "1.25 cm, rtol 1e-6", 10.0, 0.0035, FINEST),
     ("S2", "1.25 cm, rtol 1e-6", 14.0, 0.008, FINEST),
-    ("S1", "defaults", 10.0, 0.16, {}),
-    ("S3", "defaults", 6.0, 0.16, {}),
+    ("S1", "defaults", 10.0, 0.11, {}),
+    ("S3", "defaults", 6.0, 0.09, {}),
     ("winch", "5 cm, rtol 1e-6", 20.0, 1.0, FINE),
 )
 
