@@ -131,15 +131,25 @@ def _end_ramp(
 
 
 def _velocity_in_frame(name: str, order: ArrayLike, model: CableModel) -> Array:
-    world = np.asarray(order, dtype=float)
-    if world.shape == (3,):
+    world = np.asarray(order)
+    if world.shape == (3,) and world.dtype.kind in "iuf" and np.isfinite(world).all() and not _masked(order):
         velocity = model.frame.vectors_in(world)
         if np.allclose(model.frame.vectors_out(velocity), world, rtol=0.0, atol=1e-9):
             return velocity
     raise ValueError(
-        f"step: velocity_{name} is {order!r}; give three numbers, and set simulation.skip to "
+        f"step: velocity_{name} is {order!r}; give three finite numbers, and set simulation.skip to "
         "false in the case when the motion leaves the plane in which the scene began."
     )
+
+
+def is_number(value: object) -> bool:
+    """Whether something is one real number: no truth value, text or array of several."""
+    array = np.asarray(value)
+    return array.size == 1 and array.dtype.kind in "iuf" and not _masked(value)
+
+
+def _masked(value: object) -> bool:
+    return bool(np.ma.is_masked(value))
 
 
 def _payout_ramp(
@@ -155,6 +165,8 @@ def _payout_ramp(
     if scene.winch is None:
         raise ValueError("step: payout_speed drives a cable of fixed length; give the case a winch.")
     length, now = model.deployed_length(t)
+    if order is not None and not is_number(order):
+        raise ValueError(f"step: payout_speed is {order!r}; give a finite number [m/s].")
     asked = (now if kept is None else kept) if order is None else float(order)
     if not math.isfinite(asked):
         raise ValueError(f"step: payout_speed is {order!r}; give a finite number [m/s].")

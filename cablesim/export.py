@@ -63,6 +63,7 @@ def export_csv(dataset: xr.Dataset, directory: str | Path) -> list[Path]:
         If a file cannot be written.
     """
     check_whole(dataset, ExportError)
+    dataset = dataset.transpose("time", ...)
     directory = Path(directory)
     files = []
     for dimensions, name in TABLES.items():

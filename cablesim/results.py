@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _PLACES = ("position", "velocity")
+_UNITS = {"position": "m", "velocity": "m s-1", "tension": "N", "time": "s", "s": "m", "s_segment": "m"}
 
 
 def missing_variable(dataset: xr.Dataset, name: str) -> str:
@@ -35,8 +36,9 @@ def check_whole(dataset: xr.Dataset, error: type[Exception]) -> None:
         raise error(
             "The file holds no times; is it a result of cablesim? Select times with a list, if at all."
         )
-    if not np.isfinite(dataset["time"].values).all() or (np.diff(dataset["time"].values) < 0).any():
-        raise error("The times of the file do not rise; is it a result of cablesim?")
+    if not np.isfinite(dataset["time"].values).all() or not (np.diff(dataset["time"].values) > 0).all():
+        raise error("The times of the file do not rise from one to the next; is it a result of cablesim?")
+    _check_values(dataset, error)
     nodes, segments = dataset.sizes.get("node"), dataset.sizes.get("segment")
     along_nodes = all("node" in dataset[name].dims for name in _PLACES if name in dataset)
     along_segments = "tension" not in dataset or "segment" in dataset["tension"].dims
@@ -45,6 +47,22 @@ def check_whole(dataset: xr.Dataset, error: type[Exception]) -> None:
         raise error(f"The file holds a part of a cable, {counts}. Select times of a result, not places.")
     if any(list(dataset[name]["axis"].values) != ["x", "y", "z"] for name in _PLACES if name in dataset):
         raise error("The file does not hold the axes x, y, z in this order. Select times of a result only.")
+
+
+def _check_values(dataset: xr.Dataset, error: type[Exception]) -> None:
+    """Raise `error` where values are in another unit than results are, or infinite."""
+    for name in (*_PLACES, "tension", "time", "s", "s_segment"):
+        if name not in dataset:
+            continue
+        variable = dataset[name]
+        unit = variable.attrs.get("units", _UNITS[name])
+        if unit != _UNITS[name]:
+            raise error(f"`{name}` is in {unit}: results are in {_UNITS[name]}.")
+        values = variable.values
+        if name in ("s", "s_segment") and not np.isfinite(values).all():
+            raise error(f"`{name}` is not known for every place; is it a result of cablesim?")
+        if np.isinf(values).any():
+            raise error(f"`{name}` is infinite somewhere; is it a result of cablesim?")
 
 
 def material_coordinates(dataset: xr.Dataset) -> Array:

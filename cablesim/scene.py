@@ -67,6 +67,12 @@ class Cable:
     minimum_bend_radius: float | None = None
     breaking_load: float | None = None
 
+    def __post_init__(self) -> None:
+        for name in ("length", "mass_per_length", "axial_stiffness"):
+            value = getattr(self, name)
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"Cable: {name} is {value!r}; give a positive finite number.")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Attachment:

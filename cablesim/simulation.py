@@ -25,7 +25,7 @@ from cablesim.control import Measurement
 from cablesim.control.deadline import OutOfTime
 from cablesim.control.loop import ControllerRunError, ControlLoop
 from cablesim.control.measurement import Places
-from cablesim.driving import Driven, Orders
+from cablesim.driving import Driven, Orders, is_number
 from cablesim.integrate import Advance, IdaIntegrator
 from cablesim.integrate.ida import IdaOptions
 from cablesim.integrate.protocol import Counters
@@ -152,6 +152,8 @@ class Simulation:
     """
 
     def __init__(self, case: Case | Scene) -> None:
+        if not isinstance(case, Case | Scene):
+            raise TypeError(f"cablesim simulates a case, not {case!r:.80}; read one with load_case(path).")
         self.scene: Scene = build_scene(case) if isinstance(case, Case) else case
         self.mesh: Mesh = build_mesh(self.scene)
         self.initial: InitialState = self._find_initial_state()
@@ -274,7 +276,7 @@ class Simulation:
             while, a free end or a cable of fixed length is driven, or a planar scene is driven out of
             its plane.
         """
-        if not SAME_TIME < duration < math.inf:
+        if not is_number(duration) or not SAME_TIME < duration < math.inf:
             raise ValueError(f"step: duration is {duration!r} s; give a positive number above {SAME_TIME:g}.")
         until = self._stops.snapped(self._time + duration)
         orders = Orders(velocity_a, velocity_b, payout_speed)
@@ -331,6 +333,8 @@ class Simulation:
         ValueError
             When the snapshot was taken in another scene.
         """
+        if not isinstance(snapshot, Snapshot):
+            raise TypeError(f"restore takes what snapshot() gave, not {snapshot!r:.80}.")
         if snapshot.scene != self._fingerprint:
             raise ValueError(
                 "restore: the snapshot is of another scene: cable, bodies, water, mesh, motions or winch "

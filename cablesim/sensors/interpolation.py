@@ -26,11 +26,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from cablesim.results import missing_variable
+from cablesim.results import check_whole, missing_variable
 from cablesim.sensors.problems import SensorError
 from cablesim.sensors.rotations import direction, dot
 
 Array = NDArray[np.float64]
+
+MOST_SAMPLES = 20_000_000  # of one sensor: some gigabytes
 
 _SAME_TIME = 2e-7  # between an event and a stored time that coincide, of the time: also in single precision
 
@@ -102,11 +104,12 @@ def read_nodes(dataset: xr.Dataset) -> Nodes:
     Raises
     ------
     SensorError
-        If the dataset lacks position, velocity or acceleration.
+        If the dataset lacks position, velocity or acceleration, or is not a whole result.
     """
     for name in ("position", "velocity", "acceleration"):
         if name not in dataset:
             raise SensorError(missing_variable(dataset, name))
+    check_whole(dataset, SensorError)
     position, velocity, acceleration = (
         dataset[name].transpose("time", "node", "axis").values.astype(float, copy=False)
         for name in ("position", "velocity", "acceleration")
@@ -297,10 +300,12 @@ def sample_times(stored: Array, rate: float) -> Array:
     Raises
     ------
     SensorError
-        If the rate is not positive.
+        If the rate is not positive, or gives more than `MOST_SAMPLES`.
     """
     if not 0.0 < rate < np.inf:
         raise SensorError(f"rate is {rate:g} Hz: give a positive number of samples a second.")
+    if (stored[-1] - stored[0]) * rate > MOST_SAMPLES:
+        raise SensorError(f"rate is {rate:g} Hz: in {stored[-1] - stored[0]:g} s these are too many samples.")
     count = int(np.floor((stored[-1] - stored[0]) * rate * (1.0 + 1e-12) + 1e-9)) + 1
     return np.minimum(stored[0] + np.arange(count) / rate, stored[-1])
 

@@ -112,7 +112,10 @@ def pull(dataset: xr.Dataset, first: float, second: float, times: ArrayLike) -> 
 
 def errors_of(estimate: ArrayLike, truth: ArrayLike) -> dict[str, float]:
     """RMS, largest and mean error of an estimate, in its unit; places without a value are left out."""
-    error = np.asarray(estimate, dtype=float) - np.asarray(truth, dtype=float)
+    found, true = np.asarray(estimate, dtype=float), np.asarray(truth, dtype=float)
+    if found.shape != true.shape:
+        raise SensorError(f"The estimate has shape {found.shape}, the truth {true.shape}: give both alike.")
+    error = found - true
     error = error[np.isfinite(error)]
     if not error.size:
         raise SensorError("The estimate and the truth have no time in common at which both are known.")
