@@ -6,11 +6,16 @@ Depends on: nothing of ours.
 from __future__ import annotations
 
 import contextlib
+import math
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+
+PRESS = 2.0  # [s] in which further interrupts mean the first one
 
 
 class Interrupts:
@@ -40,6 +45,19 @@ class Interrupts:
 def raise_interrupt() -> None:
     """Do as Ctrl-C does."""
     raise KeyboardInterrupt
+
+
+class OnePress:
+    """Does as Ctrl-C does, once for a key that is pressed twice: the second must not cost a result."""
+
+    def __init__(self) -> None:
+        self._last = -math.inf
+
+    def __call__(self) -> None:
+        """Raise the interrupt, unless one came just before."""
+        before, self._last = self._last, time.monotonic()
+        if self._last - before > PRESS:
+            raise KeyboardInterrupt
 
 
 @contextlib.contextmanager

@@ -64,7 +64,12 @@ def read_saved_state(path: str | Path, time: float | None) -> SavedState:
                     "'output.variables' of the run that starts another."
                 )
             _check_whole(path, file)
-            index = _index_of(path, np.asarray(file["time"][:]), time)
+            times = np.asarray(file["time"][:])
+            if not (np.diff(times) > 0).all():
+                raise SavedStateError(
+                    f"{path}: its times do not rise from one to the next; give a whole result."
+                )
+            index = _index_of(path, times, time)
             # missing numbers are masked, whatever stands for them in the file
             values = {name: np.ma.filled(file[name][index].astype(float), np.nan) for name in STATE}
             arc = _arc(path, file, index, values["position"])

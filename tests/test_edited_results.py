@@ -55,6 +55,17 @@ def test_tables_of_a_result_with_times_last(run, tmp_path):
         assert (tmp_path / "last" / name).read_text() == (tmp_path / "first" / name).read_text()
 
 
+@pytest.mark.parametrize("order", [[2, 1, 0], [0, 1, 1]])
+def test_states_of_a_result_whose_times_do_not_rise(run, order, tmp_path):
+    cablesim.write(run.isel(time=order), tmp_path / "odd.nc")
+    text = starter_text("sway", "sway.yaml", "sway").replace(
+        "shape: equilibrium", "{shape: state, file: odd.nc}"
+    )
+    (tmp_path / "case.yaml").write_text(text.replace("initial:\n  {", "initial: {"))
+    with pytest.raises(cablesim.CaseError, match="times do not rise"):
+        simulate(load_case(tmp_path / "case.yaml"))
+
+
 def test_more_samples_than_memory_holds(run):
     with pytest.raises(SensorError, match="too many samples"):
         imu_signals(run, {"imu": 1.0}, rate=1e9)

@@ -102,6 +102,24 @@ def test_a_signal_leaves_a_readable_result(number):
     assert not [name for name in os.listdir() if ".part" in name]
 
 
+@pytest.mark.parametrize("pause", [0.0, 0.02, 0.1])
+def test_a_key_pressed_twice_costs_no_result(pause):
+    case = on_a_winch("long", "says_that_it_runs", 1e5)
+    process = subprocess.Popen(
+        [*COMMAND, "run", case], stdout=subprocess.PIPE, text=True, preexec_fn=heed_all_signals
+    )
+    try:
+        wait_for_runs(1)
+        for _ in range(2):
+            process.send_signal(signal.SIGINT)
+            time.sleep(pause)
+        process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert read("long.nc").attrs["status"] == "interrupted"
+
+
 @pytest.mark.parametrize("whole_group", [True, False])
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_leaves_readable_results_of_runs_side_by_side(number, whole_group):
