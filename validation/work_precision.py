@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 
 import cablesim
-from cablesim.scene import Scene
+from cablesim.scene import Numerics, Scene
 
-TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
+DEFAULT = Numerics().relative_tolerance
+TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, DEFAULT, 1e-6, 1e-7)
 REFINEMENTS = (1, 2, 4)  # segments of a case are divided by these
 TIME_LIMIT = 10.0  # [s] of one run; undamped waves at order 5 take longer
 COMPARED = 50  # times at which positions are compared
@@ -164,7 +165,7 @@ def draw(rows: list[dict[str, Any]], file: Path) -> None:
             panel.loglog(
                 [r["RMS [mm]"] for r in mine], [r["wall [ms]"] for r in mine], "o-", ms=3, label=name, **style
             )
-            default = [r for r in mine if name == "defaults" and r["rtol"] == 1e-4]
+            default = [r for r in mine if name == "defaults" and r["rtol"] == DEFAULT]
             panel.loglog(
                 [r["RMS [mm]"] for r in default], [r["wall [ms]"] for r in default], "ks", ms=7, mfc="none"
             )
@@ -184,7 +185,7 @@ def draw(rows: list[dict[str, Any]], file: Path) -> None:
             panel.set_xlabel("RMS error [mm]")
         if k == 0:
             panel.set_ylabel("run time [ms]")
-    axes[0, -1].legend(fontsize=8, title="square: rtol 1e-4", title_fontsize=8)
+    axes[0, -1].legend(fontsize=8, title=f"square: default, rtol {DEFAULT:g}", title_fontsize=8)
     figure.savefig(file, dpi=130)
     print(f"wrote {file}")
 
