@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
-PRESS = 2.0  # [s] in which further interrupts mean the first one
+PRESS = 2.0  # [s] in which further interrupts mean the first one: a key pressed twice costs no result
 
 
 class Interrupts:
@@ -23,6 +23,7 @@ class Interrupts:
 
     def __init__(self) -> None:
         self.seen = False
+        self._last = -math.inf
 
     def __enter__(self) -> Interrupts:
         self._undo = contextlib.ExitStack()
@@ -39,25 +40,14 @@ class Interrupts:
 
     def _handle(self) -> None:
         self.seen = True
-        raise KeyboardInterrupt
+        before, self._last = self._last, time.monotonic()
+        if self._last - before > PRESS:
+            raise KeyboardInterrupt
 
 
 def raise_interrupt() -> None:
     """Do as Ctrl-C does."""
     raise KeyboardInterrupt
-
-
-class OnePress:
-    """Does as Ctrl-C does, once for a key that is pressed twice: the second must not cost a result."""
-
-    def __init__(self) -> None:
-        self._last = -math.inf
-
-    def __call__(self) -> None:
-        """Raise the interrupt, unless one came just before."""
-        before, self._last = self._last, time.monotonic()
-        if self._last - before > PRESS:
-            raise KeyboardInterrupt
 
 
 @contextlib.contextmanager

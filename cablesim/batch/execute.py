@@ -14,7 +14,7 @@ from cablesim.batch.plan import Run
 from cablesim.batch.source import load_scene
 from cablesim.batch.summary import Outcome, RunSummary, explain_failure
 from cablesim.files import Product, replacing
-from cablesim.interrupts import OnePress, on_interrupt
+from cablesim.interrupts import on_interrupt
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,9 +49,7 @@ def _simulate_and_write(run: Run, progressed: Callable[[float, float], None]) ->
     def report(progress: Progress) -> None:
         progressed(progress.time, progress.duration)
 
-    with on_interrupt(OnePress()):
-        dataset = simulate(scene, progress=report)
-        return _write(run, dataset)
+    return _write(run, simulate(scene, progress=report))
 
 
 def _write(run: Run, dataset: xr.Dataset) -> RunSummary:
