@@ -37,6 +37,9 @@ FPS = {".mp4": 25.0, ".gif": 10.0}
 MOST_GIF_FRAMES = 1000
 """Pictures of a GIF: all of them are in memory until it is written, about 1 MB each."""
 
+MOST_FRAMES = 1_000_000
+"""Pictures of any film: eleven hours of it at 25 a second."""
+
 _SIZE = {".mp4": (12.8, 7.2), ".gif": (9.6, 5.4)}  # hundreds of pixels
 _COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c6d31"]
 _MARKS = {"buoy": ("o", "#ef8a17"), "ballast": ("s", "#44525c"), "body": ("o", "#8a6fb3")}
@@ -76,7 +79,8 @@ def animate(
     Raises
     ------
     PlotError
-        If matplotlib or ffmpeg is missing, the result holds no positions, or a number makes no sense.
+        If matplotlib or ffmpeg is missing, the result holds no positions, or a number makes no sense
+        or a film without end.
     OSError
         If the file cannot be written.
     """
@@ -89,7 +93,14 @@ def animate(
         if not (np.isfinite(value) and value > 0):
             raise PlotError(f"{name} must be a number above 0; received {value:g}.")
     node_positions(dataset)  # refuses what cannot be drawn before anything is written
-    states = frame_states(dataset["time"].values, fps, speed)
+    times = dataset["time"].values
+    asked = (times[-1] - times[0]) * fps / speed
+    if asked > MOST_FRAMES:
+        raise PlotError(
+            f"A film of {asked:.3g} pictures is too long, {MOST_FRAMES} are the most. "
+            "Raise the speed, or lower the fps."
+        )
+    states = frame_states(times, fps, speed)
     if kind == ".gif" and states.size > MOST_GIF_FRAMES:
         raise PlotError(
             f"A GIF of {states.size} pictures is too large, {MOST_GIF_FRAMES} are the most. "

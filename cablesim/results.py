@@ -47,6 +47,13 @@ def check_whole(dataset: xr.Dataset, error: type[Exception]) -> None:
         raise error(f"The file holds a part of a cable, {counts}. Select times of a result, not places.")
     if any(list(dataset[name]["axis"].values) != ["x", "y", "z"] for name in _PLACES if name in dataset):
         raise error("The file does not hold the axes x, y, z in this order. Select times of a result only.")
+    if dataset["time"].dtype.kind not in "iuf":
+        raise error("The times of the file are no plain numbers: give them in seconds, as runs do.")
+    for dimension, places in (("node", "s"), ("segment", "s_segment")):
+        if dimension in dataset.dims and places not in dataset:
+            raise error(
+                f"The file holds no `{places}`, the places along the cable; is it a result of cablesim?"
+            )
 
 
 def _check_values(dataset: xr.Dataset, error: type[Exception]) -> None:

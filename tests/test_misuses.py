@@ -1,16 +1,17 @@
 """What people do to the command and to case files by mistake: refused in words, or done right."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 import xarray as xr
-from runs import short_case
+from runs import result, short_case
 from typer.testing import CliRunner
 
-from cablesim import Case, load_case, simulate
+from cablesim import Case, load_case, simulate, write
 from cablesim.build import build_scene
 from cablesim.cli import app
 
@@ -182,3 +183,58 @@ def test_a_scene_far_from_the_origin_runs_as_near_it():
     far = text.replace("[0, 0, 0]", "[500000, 6800000, 0]").replace("[1.5, 0, 0]", "[500001.5, 6800000, 0]")
     one, other = (simulate(Case.from_yaml(case))["tension"] for case in (text, far))
     assert float(abs(one - other).max()) < 1e-3 * float(one.max() - one.min())
+
+
+@pytest.mark.parametrize(
+    ("gravity", "warned"), [("981", True), ("9.81e-3", True), ("0", False), ("1.62", False)]
+)
+def test_gravity_in_another_unit_is_said(gravity, warned):
+    warnings = build_scene(Case.from_yaml(f"gravity: {gravity}\n{short_case('sway')}")).warnings
+    assert any(f"gravity is {float(gravity):g} m/s2" in warning for warning in warnings) is warned
+
+
+# Terminals and results --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", [["info", "sway.yaml"], ["schema"]])
+def test_terminals_without_some_letters_show_their_numbers(sway, command):
+    Path(sway).write_text(re.sub("name: .*", "name: Trosse ü", short_case("sway"), count=1))
+    done = subprocess.run(
+        [sys.executable, "-c", "from cablesim.cli import main; main()", *command],
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "\\x" in done.stdout
+
+
+@pytest.mark.parametrize("name", ["-", "two\nlines.yaml"])
+def test_new_cases_get_names_that_commands_can_read(name):
+    done = call("new", "--", name)
+    assert_refused(done, 3, "is no name for a case")
+    assert not list(Path.cwd().iterdir())
+
+
+@pytest.mark.parametrize("options", [["--fps", "1e9"], ["--speed", "1e-9"]])
+@pytest.mark.parametrize("kind", ["gif", "mp4"])
+def test_films_without_end_are_refused(options, kind):
+    write(result("sway"), "result")
+    done = call("animate", "result", "-o", f"film.{kind}", *options)
+    assert_refused(done, 3, "pictures is too long", "Raise the speed, or lower the fps")
+
+
+@pytest.mark.parametrize("command", [["plot"], ["report"], ["export", "-f", "vtk"], ["imu"]])
+@pytest.mark.parametrize(
+    ("edit", "said"),
+    [
+        (lambda run: run.drop_vars("s"), "holds no `s`"),
+        (lambda run: run.drop_vars("s_segment"), "holds no `s_segment`"),
+        (lambda run: run.assign_coords(time=run["time"].values.astype("timedelta64[s]")), "no plain numbers"),
+    ],
+)
+def test_results_that_lost_their_places_or_seconds_are_refused(command, edit, said):
+    write(edit(result("sway").isel(time=[0, 50])), "result")
+    assert_refused(call(*command, "result"), 3, said)

@@ -17,7 +17,7 @@ Results go to standard output; progress, messages and errors to standard error.
 
 from cablesim.cli import on_cases, on_results
 from cablesim.cli.application import app as app
-from cablesim.cli.terminal import open_closed_streams
+from cablesim.cli.terminal import open_closed_streams, show_all_letters
 
 __all__ = ["app", "main", "on_cases", "on_results"]
 
@@ -25,4 +25,5 @@ __all__ = ["app", "main", "on_cases", "on_results"]
 def main() -> None:
     """Run the command line."""
     open_closed_streams()
+    show_all_letters()
     app()

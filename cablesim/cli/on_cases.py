@@ -40,10 +40,14 @@ def new(
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it is there.")] = False,
 ) -> None:
     """Write a commented case to start from."""
-    from cablesim.files import OutputError, check_writable, replacing
+    from cablesim.files import STANDARD_INPUT, OutputError, check_writable, replacing
     from cablesim.starters import starter_text
 
     file = Path(f"{starter}.yaml") if file is None else file
+    if file == STANDARD_INPUT or not file.name.isprintable():
+        raise OutputError(
+            f"{str(file)!r} is no name for a case: other commands could not read it. Choose another."
+        )
     if file.exists() and not force:
         raise OutputError(f"{file} is already there. Choose another name, or overwrite it with --force.")
     check_writable(file)

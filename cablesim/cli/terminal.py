@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import errno
 import functools
+import io
 import logging
 import os
 import sys
@@ -67,6 +68,13 @@ def open_closed_streams() -> None:
         except OSError:
             os.open(os.devnull, os.O_RDWR)  # takes the lowest descriptor that is free
             setattr(sys, name, os.fdopen(descriptor, mode))
+
+
+def show_all_letters() -> None:
+    """Let streams that lack a letter, as in the locale C, show its number and not end the command."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def lost_output() -> str:

@@ -15,6 +15,7 @@ LARGEST_DIAMETER = 1.0  # [m]
 SMALLEST_DIAMETER = 1e-4  # [m]
 WATER = (500.0, 2500.0)  # [kg/m3], brines and muds included
 CABLE = (50.0, 23_000.0)  # [kg/m3], from foam to osmium
+GRAVITY = (0.1, 30.0)  # [m/s2], from an asteroid's to Jupiter's
 BODY = (1.0, 23_000.0)  # [kg/m3], from a balloon to osmium
 
 
@@ -29,6 +30,7 @@ def check_scene(scene: Scene) -> tuple[str, ...]:
     found = [
         _diameter(scene) or _cable_density(scene),
         _water_density(scene),
+        _gravity(scene),
         *_body_densities(scene),
         _bend_radius(scene),
         _map_duration(scene),
@@ -63,6 +65,12 @@ def _water_density(scene: Scene) -> str | None:
         return None
     meant = f"did you mean {1e3 * density:g} kg/m3?" if density < 10 else "water has some 1000."
     return f"water.density is {density:g} kg/m3; {meant}"
+
+
+def _gravity(scene: Scene) -> str | None:
+    if scene.gravity == 0 or GRAVITY[0] <= scene.gravity <= GRAVITY[1]:
+        return None
+    return f"gravity is {scene.gravity:g} m/s2; the Earth's is 9.81."
 
 
 def _body_densities(scene: Scene) -> list[str]:
