@@ -26,7 +26,7 @@ def write(dataset: xr.Dataset, path: str | Path) -> None:
     encoding = {str(name): _encoding(variable) for name, variable in dataset.variables.items()}
     for name in dataset.coords:  # no coordinate may be missing
         encoding[str(name)]["_FillValue"] = None
-    dataset.to_netcdf(path, engine="netcdf4", encoding=encoding)
+    dataset.to_netcdf(Path(path), engine="netcdf4", encoding=encoding)
 
 
 def _encoding(variable: xr.Variable) -> dict[str, Any]:
